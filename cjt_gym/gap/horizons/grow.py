@@ -109,6 +109,20 @@ def leave(problem: Problem, fit: Fit, index: int) -> Fit:
     return problem.fit(*fit.model.without(index, fit.z))
 
 
+def kept_near(problem: Problem, fit: Fit, index: int, tolerances: float) -> Fit:
+    """Return the fit with a freed datasheet value at most so many tolerances off."""
+    own = fit.model.terms[index]
+    assert own.tight is not None
+    number = own.numbers[0]
+    reach = float(np.exp(tolerances * own.tight.numbers[0].scale))
+    near = replace(number, low=number.start / reach, high=number.start * reach)
+    terms, z = list(fit.model.terms), fit.z.copy()
+    terms[index] = replace(own, numbers=(near,))
+    at = fit.model.span(index).start
+    z[at] = near.coordinate(number.value(float(z[at])))
+    return problem.fit(replace(fit.model, terms=tuple(terms)), z)
+
+
 def is_needed(fit: Fit, index: int) -> bool:
     """Return whether another term depends on this one."""
     own, *others = fit.model.terms[index], *fit.model.terms[:index], *fit.model.terms[index + 1 :]

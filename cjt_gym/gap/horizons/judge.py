@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
-from cjt_gym.gap.horizons.grow import beyond, is_needed
+from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.imposed import freed_from
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.model import Model
@@ -52,6 +52,8 @@ NEAR = 0.2
 """Relative error above which a search looks for a better joint than that of the stages."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
 """Share of an error, and number of its deviations, above which it counts as predictable."""
+OUTSIDE = 3.0
+"""Number of tolerances by which a datasheet value must be off to be diagnosed."""
 DEAFER = 1.0
 """Difference of the logarithm of the torque that displaces a joint by a given error above which
 its better predictions do not count against a term of another."""
@@ -182,6 +184,7 @@ def judge(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
     )  # fmt: skip
+    found = _beyond_tolerance(problem, test, found)
     tests = _tested(problem, test, found)[1]
     searched, found = found, _polished(case, problem, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
@@ -241,6 +244,23 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
             return found, tuple(tests)
         worst = min(refuted, key=lambda k: tests[k].fall)
         found = found.dropped(problem, worst, lambda fit: test.scored(fit).cost)
+
+
+def _beyond_tolerance(problem: Problem, test: Problem, found: Found) -> Found:
+    """Return a search in which a freed datasheet value counts as seen if errors show it.
+
+    Without it, the fit strains the datasheet for almost the same value; here it is compared with
+    the best fit that leaves the value near the datasheet's.
+    """
+    worths = list(found.worths)
+    for k, term in enumerate(found.fit.model.terms):
+        if term.tight is not None and not worths[k].seen:
+            near = kept_near(problem, found.fit, k, OUTSIDE)
+            held = test.scored(near).cost - test.scored(found.fit).cost
+            shown = replace(worth(problem, near, found.fit, term), held=held)
+            if shown.enough and shown.seen:
+                worths[k] = shown
+    return replace(found, worths=tuple(worths))
 
 
 def _deafer(problem: Problem, less: Fit, more: Fit) -> bool:

@@ -26,7 +26,7 @@ from cjt_gym.gap.horizons.by_torque import (
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
 from cjt_gym.gap.horizons.inverse import seen_in_torque
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, OUTSIDE, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.scatter import Scatter
@@ -49,8 +49,9 @@ from cjt_gym.gap.judged.confusable import advice
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0
 """Multiples of the required clarity and price above which an effect may be confirmed."""
-OUTSIDE = 3.0
-"""Number of tolerances by which a datasheet value must be off to be diagnosed."""
+STRAINED = 2.5
+"""Number of stated tolerances up to which the other datasheet values may be off where an effect is
+confirmed: beyond that, something else is missing that they make up for."""
 BLIND = 0.99
 """Relative error from which a joint predicts no better than motion at constant speed."""
 MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
@@ -308,12 +309,27 @@ def _named(
     firm = firm and (term.name != "stribeck" or _levelled(found.fit, index))
     firm = firm and (term.name not in LATE or judged.case.logs[0].drive == "i")
     firm = firm and not judged.unexplained and worst_row(judged).found < LOUD
+    firm = firm and not _is_strained(judged, term)
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
     return NamedEffect(
         term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
         "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
         removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
     )  # fmt: skip
+
+
+def _is_strained(judged: Judgement, term: Term) -> bool:
+    """Return whether another datasheet value had to leave its stated tolerance."""
+    assert judged.found is not None
+    given = {t.key for t in judged.found.base.model.terms}
+    fit = judged.found.fit
+    for other, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
+        stated = stated_tolerance(judged.case.joint, other) if other.key in given else None
+        if stated and other.key != term.key:
+            off = abs(float(np.log(values[0] / other.nominal[0])))
+            if off > STRAINED * stated:
+                return True
+    return False
 
 
 def _bends_visibly(judged: Judgement, index: int) -> bool:

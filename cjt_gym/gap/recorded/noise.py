@@ -78,6 +78,9 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
         std = max(std, FINEST * float(np.std(x)))
     most = max(2.0 * slope, MOST_JITTER * series.dt)
     shown = observed_jitter(x, series.valid[name], series.speed(name), most)
+    if shown > slope:  # what the clock scatters is no noise of the channel
+        shaken = shown * np.abs(series.speed(name))
+        observed = min(observed, high_frequency_std(x, series.valid[name], shaken))
     std, stated = max(std, 1e-12), noise > 0.0
     return ChannelNoise(specified, stated, observed, white, lattice, resolution, std, shown)
 
