@@ -15,8 +15,8 @@ from cjt_gym.gap.horizons.rivals import ALIKE, FIRST, rivals_of
 from cjt_gym.gap.horizons.starts import apart, begin, best_start, inverse_starts, seeded
 from cjt_gym.gap.horizons.worth import worth
 
-PATIENCE = 100_000_000
-"""Number of predicted samples (a minute or two of work) after which the search stops."""
+PATIENCE = 60_000_000
+"""Number of predicted samples (half a minute of work or more) after which the search stops."""
 MOST = 6
 """Maximum number of terms that an extension adds."""
 SWAPS = 2

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.grow import added, allowed, priced
@@ -14,6 +16,11 @@ from cjt_gym.gap.horizons.model import Model, Term, motor_inertia
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.stages.number import Number
 
+Floats = NDArray[np.float64]
+LARGEST = 400
+"""Most starts of a grid that are all tried; several guesses in a datasheet make thousands."""
+SWEEPS = 2
+"""Number of times that each number of a larger grid is varied alone."""
 FAR = 0.5
 """Deviation of a logarithm at or above which other magnitudes are tried as starts, too."""
 OTHER = 0.4
@@ -21,17 +28,38 @@ OTHER = 0.4
 
 
 def best_start(problem: Problem, model: Model) -> Fit:
-    """Return the best fit of a model from a grid of starts for its numbers."""
+    """Return the best fit of a model from a grid of starts for its numbers.
+
+    Of a grid that is too large, one number after the other is varied.
+    """
     numbers = model.numbers
-    grids = [_grid(n) for n in numbers]
-    starts = [
-        np.array([n.coordinate(v) for n, v in zip(numbers, values, strict=True)])
-        for values in itertools.product(*grids)
-    ]
+    grids = [np.array([n.coordinate(v) for v in _grid(n)]) for n in numbers]
     rough = problem.rough
-    costs = side_by_side(lambda z: rough.cost(model, z, rough.errors(model, z)), starts)
+
+    def cost(z: Floats) -> float:
+        return rough.cost(model, z, rough.errors(model, z))
+
+    if math.prod(map(len, grids)) <= LARGEST:
+        starts = [np.array(z) for z in itertools.product(*grids)]
+    else:
+        starts = _one_by_one(cost, np.zeros(len(numbers)), grids)
+    costs = side_by_side(cost, starts)
     best = np.argsort(costs, kind="stable")[:2]
     return min(side_by_side(lambda k: problem.fit(model, starts[k]), best), key=lambda f: f.cost)
+
+
+def _one_by_one(
+    cost: Callable[[Floats], float], z: Floats, grids: Sequence[Floats]
+) -> list[Floats]:
+    """Return the points that are best after each of `SWEEPS` through the numbers, last first."""
+    found = []
+    for _ in range(SWEEPS):
+        for k, grid in enumerate(grids):
+            tried = [np.concatenate([z[:k], [x], z[k + 1 :]]) for x in grid]
+            if len(tried) > 1:
+                z = tried[int(np.argmin(side_by_side(cost, tried)))]
+        found.insert(0, z)
+    return found
 
 
 def _grid(number: Number) -> tuple[float, ...]:

@@ -15,8 +15,9 @@ from cjt_gym.gap.diagnosis import (
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judge import LOUD, Judgement, Row
-from cjt_gym.gap.horizons.model import motor_inertia
+from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
+from cjt_gym.joint import Joint
 
 HALVED = 0.5
 """Ratio to the datasheet's error below which there is a gap even if no effect is named."""
@@ -137,11 +138,19 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
     for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
         scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
         value, nominal = scale * values[0], scale * term.nominal[0]
-        if known and term.numbers[0].prior:
+        if known and (term.numbers[0].prior or _guessed(judged.case.joint, term)):
             continue
         if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
     return f"No cause is named; refined values predict better: {', '.join(said)}." if said else ""
+
+
+def _guessed(joint: Joint, term: Term) -> bool:
+    """Return whether the datasheet only guesses what the numbers of a term replace."""
+    symbols = [f"d_{b}" for b in body_group(joint.structure_row, "m")]
+    known = joint.parameters.quantities
+    stated = [known[s] for s in symbols if s in known and known[s].number != 0.0]
+    return term.name == "damping" and bool(stated) and all(q.guess for q in stated)
 
 
 def _ahead(row: Row) -> str:

@@ -55,6 +55,8 @@ CHANNELS: Mapping[str, str] = {
     "i": "current",
 }
 WITH_BODY = ("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "presliding", "damping")
+CORRECTED = 0.6
+"""Ratio of the gap after to that before below which refined values are more than tolerances."""
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
 OPEN, AGAIN = 0.1, 3.0
@@ -199,8 +201,10 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             "There is no gap: within tolerances and sensor noise the joint does what its "
             "datasheet says."
         )
+        if gap.after < CORRECTED * gap.before:
+            text = "There is no gap but in values that the datasheet guesses or leaves open."
         change = f"{percent(gap.before)} to {percent(gap.after)}"
-        better = f" Refining its values within them takes the replay error from {change}."
+        better = f" Refining its values takes the replay error from {change}."
         return text + (better if gap.removed >= NOTABLE else "")
     size = f" of {percent(gap.before)}" if gap.before else ""
     stages = where(diagnosis)

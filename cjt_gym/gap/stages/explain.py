@@ -38,7 +38,7 @@ from cjt_gym.gap.stages.select import (
 )
 from cjt_gym.gap.stages.sensing import SensorFinding, noisy_current, sensor_findings, with_findings
 
-PATIENCE = 60.0
+PATIENCE = 25.0
 """Processor time after which the search for effects stops with its best result [s]."""
 REFUTED = 0.2
 """Worth on held-out data below which an effect is refuted."""

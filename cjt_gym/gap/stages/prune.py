@@ -9,7 +9,7 @@ import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.recorded.missing import twins
-from cjt_gym.gap.stages.fit import FLOOR, Fit, Model, Problem, retuned, without
+from cjt_gym.gap.stages.fit import FLOOR, MOVES, Fit, Model, Problem, retuned, without
 from cjt_gym.gap.stages.merit import LOG_SHARE, MARGIN, STRAIN, evidence
 from cjt_gym.gap.stages.periodic import periodic_starts
 
@@ -21,6 +21,8 @@ SAME = 0.03
 """Log reduction of a residual by which a more complicated law must do better."""
 NEAR = 25.0
 """Difference in evidence within which two explanations are equally good."""
+FEW_MOVES, HOPELESS = 4, 150.0
+"""Steps of a first fit of an alternative, and the lack of evidence at which it ends there."""
 COLOURED = 0.25
 """Log reduction of a residual too small to separate two laws if no noise is specified."""
 SLACK = 10.0
@@ -107,13 +109,15 @@ def alternatives(
         and (h.family == effect.family or effect.stage == "drive")
         and not h.search
     ]
-    trials = [
-        max(
-            (_swapped(problem, fit, index, h, start=k) for k in range(len(h.starts))),
-            key=lambda f: evidence(problem, f),
+    trials = []
+    for h in kin:
+        starts = range(len(h.starts))
+        rough = max(
+            (_swapped(problem, fit, index, h, start=k, moves=FEW_MOVES) for k in starts),
+            key=lambda one: evidence(problem, one),
         )
-        for h in kin
-    ]
+        if loss(problem, rough, fit) < HOPELESS:
+            trials.append(problem.fit(rough.model, rough.z, known=rough.jacobian))
     return [trial for trial in trials if loss(problem, trial, fit) < NEAR]
 
 
@@ -191,7 +195,14 @@ def other_frequencies(problem: Problem, fit: Fit) -> Fit:
     return fit
 
 
-def _swapped(problem: Problem, fit: Fit, index: int, *effects: Candidate, start: int = 0) -> Fit:
+def _swapped(
+    problem: Problem,
+    fit: Fit,
+    index: int,
+    *effects: Candidate,
+    start: int = 0,
+    moves: int = MOVES,
+) -> Fit:
     less = without(problem, fit, index)
     first = [
         u.coordinate(x)
@@ -199,7 +210,7 @@ def _swapped(problem: Problem, fit: Fit, index: int, *effects: Candidate, start:
         for u, x in zip(effect.unknowns, effect.starts[start], strict=True)
     ]
     model = Model((*less.model.effects, *effects))
-    return problem.fit(model, np.concatenate([less.z, first]), known=less.jacobian)
+    return problem.fit(model, np.concatenate([less.z, first]), moves, known=less.jacobian)
 
 
 def loss(problem: Problem, less: Fit, more: Fit) -> float:
