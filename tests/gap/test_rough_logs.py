@@ -155,6 +155,24 @@ def test_noise_that_is_stated_too_large_hides_nothing(stated: float, counts: flo
     assert channel_noise(series, known, "q_m", 0.0).std == pytest.approx(counts * true, rel=0.1)
 
 
+def test_what_the_clock_scatters_is_no_noise_of_a_channel() -> None:
+    own, late = 1e-5, 1e-4  # noise [rad], deviation of the sampling times [s]
+    rng = np.random.default_rng(0)
+    t = DT * np.arange(6000)
+    taken = t + late * rng.standard_normal(len(t))
+    # Never slow for long, so that no window is free of what the clock scatters.
+    q = np.sin(2.0 * np.pi * 8.0 * taken) + own * rng.standard_normal(len(t))
+    sheet = datasheet()
+    sensors = {"q_m": {"noise": Quantity(own, "rad", "test")}}
+    known = JointFile(sheet.parameters, sensors=sensors)
+    columns = {"t": t, "q_m": q, "i_cmd": np.cos(t)}
+    series = to_series(Record(columns, {"t": "s", "q_m": "rad", "i_cmd": "A"}), known, RIGID)
+    found = channel_noise(series, known, "q_m", 1e-6)
+    assert found.jitter == pytest.approx(late, rel=0.2)
+    scattered = late * 2.0 * np.pi * 8.0 / np.sqrt(2.0)
+    assert found.observed < 0.5 * scattered
+
+
 def test_a_load_that_was_not_measured_follows_the_motor() -> None:
     seen, joint = spring_record(("i_cmd", "q_m"), load=2.0)
     full, _ = spring_record(("i_cmd", "q_m", "q_l", "tau"), load=2.0)

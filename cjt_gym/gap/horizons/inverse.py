@@ -118,10 +118,13 @@ def _gain(name: str, full: Floats, less: Floats) -> tuple[float, float]:
 def seen_in_torque(
     joint: Joint, logs: Sequence[Log], excluded: Collection[str] = ()
 ) -> dict[str, Spent]:
-    """Return the effects on which torque is clearly spent, of those the record can identify."""
+    """Return the effects on which torque is clearly spent, of those the record can identify.
+
+    The regression has the others, too: what they do must not pass for another effect.
+    """
     wide = joint.parameters.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
-    names = [n for n in PLACES if n not in excluded and n not in joint.effects]
-    found = spent(joint, logs, [n for n in names if wide or n != "gravity"])
+    names = [n for n in PLACES if n not in joint.effects and (wide or n != "gravity")]
+    found = [one for one in spent(joint, logs, names) if one.name not in excluded]
     seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
     return seen if wave is None else seen | {wave.name: wave}

@@ -133,6 +133,22 @@ def test_a_weight_counts_that_shows_in_few_postures() -> None:
     assert steady_gain(noisy, np.roll(noisy, 1)) < CLEAR
 
 
+def test_friction_that_one_speed_does_not_tell_hides_no_weight(arm: JointFile) -> None:
+    t = DT * np.arange(4000)
+    turn = 2.0 * np.pi * t / 20.0
+    dq = 0.5 * np.sign(np.cos(turn))
+    q = np.cumsum(dq) * DT
+    torque = DRY * np.sign(dq) + 0.3 * WEIGHT * np.sin(q)
+    columns = {"t": t, "q_m": np.round(q / 1e-4) * 1e-4, "i": torque / 10.0}
+    record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    case = make_case([record], [], arm, get_structure("rigid"))
+    seen = seen_in_torque(case.joint, case.logs, {"coulomb", "damping"})
+    assert seen.keys() == {"gravity"}
+    assert seen["gravity"].values == pytest.approx((0.0, 0.3 * WEIGHT), abs=0.1 * WEIGHT)
+    weight = spent(case.joint, case.logs, ["torque_offset", "gravity"])
+    assert not weight, "without the friction in the regression it is not seen"
+
+
 def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
     arm: JointFile,
 ) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import cjt_gym.gap.horizons.judge as judge_of
 import cjt_gym.gap.horizons.search as search_of
-from cjt_gym.gap.horizons.base_rows import base_terms
+from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.fit import Fit, Problem, _updated
 from cjt_gym.gap.horizons.found import Found, worths_of
@@ -18,7 +18,10 @@ from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.rivals import rivals_of
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.search import pruned, search
+from cjt_gym.gap.horizons.starts import _one_by_one
+from cjt_gym.gap.horizons.tell import _is_strained
 from cjt_gym.joint import get_structure
+from cjt_gym.joint.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
 
 
@@ -136,3 +139,58 @@ def test_a_joint_that_hardly_responds_refutes_no_friction(
     monkeypatch.setattr(Problem, "scored", held)
     ended, _ = judge_of._tested(problem, problem, found)
     assert ("coulomb" in names(ended.fit)) is kept
+
+
+@pytest.mark.parametrize(("off", "beyond"), [(1.02, False), (2.0, True)])
+def test_a_freed_value_is_seen_where_errors_put_it_beyond_its_tolerance(
+    off: float, beyond: bool
+) -> None:
+    file = datasheet(off, tolerance=0.05)
+    exact = Quantity(1.0, "N m/A", "test", 0.001)
+    file = replace(file, parameters=file.parameters.replace(k_t=exact))
+    case = make_case([record()], [], file, get_structure("rigid"))
+    scales = scales_of(case.joint, case.logs)
+    problem = Problem(case.fit)
+    base = problem.fit(Model(case.joint, base_terms(case.joint, scales)))
+    dry = {t.name: t for t in candidates(case.joint, scales, case.logs)}["coulomb"]
+    base = with_term(problem, base, dry)
+    loose = next(t for t in freed(base.model.terms) if t.name == "inertia")
+    fit = with_term(problem, base, loose)
+    less = tuple(leaves(problem, fit))
+    worths = [replace(w, clear=0.0) for w in worths_of(problem, less, fit, nothing)]
+    found = Found(fit, base, tuple(worths), (), less)
+    shown = judge_of._beyond_tolerance(problem, problem, found)
+    own = next(k for k, t in enumerate(fit.model.terms) if t.tight is not None)
+    assert not found.worths[own].seen
+    assert shown.worths[own].seen == beyond
+    others = [k for k in range(len(worths)) if k != own]
+    assert [shown.worths[k] for k in others] == [worths[k] for k in others]
+
+
+@pytest.mark.parametrize(("off", "tolerance", "strained"), [(2.0, 0.05, True), (1.02, 0.05, False)])
+def test_nothing_is_confirmed_beside_a_datasheet_value_that_is_strained(
+    off: float, tolerance: float, strained: bool
+) -> None:
+    case = make_case([record()], [], datasheet(off, tolerance), get_structure("rigid"))
+    scales = scales_of(case.joint, case.logs)
+    problem = Problem(case.fit)
+    base = problem.fit(Model(case.joint, base_terms(case.joint, scales)))
+    dry = {t.name: t for t in candidates(case.joint, scales, case.logs)}["coulomb"]
+    fit = with_term(problem, base, dry)
+    judged = judge_of.Judgement(case, "found", case.joint, (), Found(fit, base, (), (), ()))
+    assert _is_strained(judged, fit.model.terms[-1]) == strained
+    assert not _is_strained(judged, fit.model.terms[0]), "it is not strained by itself"
+
+
+def test_a_grid_of_many_guesses_is_searched_one_by_one() -> None:
+    grids = [np.arange(5.0) - k for k in range(6)]
+    best = np.array([g[(3 * k) % 5] for k, g in enumerate(grids)])
+    tried = []
+
+    def cost(z: np.ndarray) -> float:
+        tried.append(z)
+        return float(np.sum((z - best) ** 2) + 0.1 * (z[0] - best[0]) * (z[1] - best[1]))
+
+    ends = _one_by_one(cost, np.zeros(6), grids)
+    assert ends[0] == pytest.approx(best)
+    assert len(tried) <= 2 * sum(map(len, grids))
