@@ -93,7 +93,7 @@ class Problem:
 
     Attributes:
         windows: The windows.
-        work: Samples predicted so far.
+        work: Samples predicted so far, of each body that moves.
         force: Weight of an error as a torque.
         weights: Weight of each kind; they sum to one.
     """
@@ -158,8 +158,8 @@ class Problem:
 
     def errors(self, model: Model, z: Floats) -> list[Floats]:
         """Return the errors of a model by kind."""
-        with self._counting:
-            self.work += self.windows.samples
+        with self._counting:  # the kernel's time grows with the bodies that move
+            self.work += self.windows.samples * model.joint.structure_row.size
         try:
             return self.windows.errors(model.at(z))
         except (CjtGymError, np.linalg.LinAlgError, ValueError):

@@ -109,11 +109,12 @@ def alternatives(
         and (h.family == effect.family or effect.stage == "drive")
         and not h.search
     ]
+    less = without(problem, fit, index) if kin else fit
     trials = []
     for h in kin:
         starts = range(len(h.starts))
         rough = max(
-            (_swapped(problem, fit, index, h, start=k, moves=FEW_MOVES) for k in starts),
+            (_with(problem, less, h, start=k, moves=FEW_MOVES) for k in starts),
             key=lambda one: evidence(problem, one),
         )
         if loss(problem, rough, fit) < HOPELESS:
@@ -195,15 +196,15 @@ def other_frequencies(problem: Problem, fit: Fit) -> Fit:
     return fit
 
 
-def _swapped(
-    problem: Problem,
-    fit: Fit,
-    index: int,
-    *effects: Candidate,
-    start: int = 0,
-    moves: int = MOVES,
+def _swapped(problem: Problem, fit: Fit, index: int, *effects: Candidate) -> Fit:
+    """Return a fit with other effects in place of one of its own."""
+    return _with(problem, without(problem, fit, index), *effects)
+
+
+def _with(
+    problem: Problem, less: Fit, *effects: Candidate, start: int = 0, moves: int = MOVES
 ) -> Fit:
-    less = without(problem, fit, index)
+    """Return a fit with more effects, from one of their starting points."""
     first = [
         u.coordinate(x)
         for effect in effects
