@@ -52,7 +52,7 @@ def _one_by_one(
     cost: Callable[[Floats], float], z: Floats, grids: Sequence[Floats]
 ) -> list[Floats]:
     """Return the points that are best after each of `SWEEPS` through the numbers, last first."""
-    found = []
+    found: list[Floats] = []
     for _ in range(SWEEPS):
         for k, grid in enumerate(grids):
             tried = [np.concatenate([z[:k], [x], z[k + 1 :]]) for x in grid]
