@@ -102,6 +102,16 @@ def test_a_stiffness_outside_its_tolerance_is_named() -> None:
     assert names(found) == ["stiffness"]
 
 
+def test_a_stage_that_stays_unexplained_hides_no_effect_of_another() -> None:
+    rough = np.random.default_rng(5).standard_normal(4000)
+    push = 2.0 * np.convolve(rough, np.ones(40) / np.sqrt(40.0), "same")
+    record = simulate(extra=lambda t, q, v: push[min(round(t / 1e-3), 3999)])
+    found = diagnose(record, nominal(k_b=1.12))
+    assert names(found) == ["stiffness"]
+    assert found.stages["motor"].after > 5.0
+    assert found.verdict == "partly_explained"
+
+
 def test_a_gain_of_the_torque_sensor_is_one_cause_not_three() -> None:
     found = diagnose(simulate(sensed=lambda tau: 1.15 * tau), nominal())
     assert names(found) == ["torque_gain"]

@@ -136,7 +136,8 @@ class Selection:
                 gain = max([gain, *(g + behind for g in self._gains(fit, more))])
             grown.sort(key=lambda f: -evidence(self.problem, f))
             self.seen += grown
-            if gain < max(MARGIN, LEAST * self.potential(best, stages)):
+            lead = grown[0].model.effects[-1].touches if grown else stages
+            if gain < max(MARGIN, LEAST * self.potential(best, lead)):
                 break
             beam = self._promising(self._kept(self._settled(_distinct(grown)), best, gain), best)
             best = beam[0]
