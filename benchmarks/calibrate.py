@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 
 from cjt_gym.blind.rates import reliability
 from cjt_gym.blind.score import accepted, is_beside, score_case
-from cjt_gym.gap import confidence as in_use
+from cjt_gym.gap.judged import confidence as in_use
 
 Floats = NDArray[np.float64]
 NAMES = ("LEVEL", "PER_LEAD", "OFF", "UNSEEN", "TENTATIVE")

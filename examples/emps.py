@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.candidates.table import hypotheses
+from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.judged.gap_size import followed, main_channel, relative
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.setting import as_noisy, make_setting
@@ -57,7 +57,7 @@ def ladder() -> Iterator[tuple[tuple[str, ...], list[float]]]:
     problem.shared = tuple(n for n in problem.shared if not n.unknown.prior)
     known = problem.stages.setting
     tested = [known, as_noisy(make_setting(unseen, file, rigid), known)]
-    candidates = hypotheses(known, problem.stages.names)
+    candidates = all_candidates(known, problem.stages.names)
     for names in LADDER:
         effects = tuple(next(row for row in candidates if row.name == name) for name in names)
         starts = [zip(e.unknowns, e.starts[0], strict=True) for e in effects]
