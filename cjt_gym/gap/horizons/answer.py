@@ -79,12 +79,31 @@ def judged(
         told = _doubted(_cleared(first, found), found)
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = allowed_by(retold(first, found, excluded, _title(records[0])), excluded)
+    told = _with_measures(told, first)
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
     if not told.effects and not found.cut and main_row(found).found > LOUD:
         dry = tuple(e for e in first.effects if e.name in DRY)
         return _suspected(told, first, dry, FURTHER)
     return told
+
+
+def _with_measures(told: Diagnosis, first: Diagnosis) -> Diagnosis:
+    """Return a diagnosis with the faults of sensors that the stages read off a channel.
+
+    Predictions over horizons do not show them: they move no joint.
+    """
+    seen = [e for e in first.effects if e.name in MEASURES]
+    if first.verdict not in SETTLED:  # something else may have scattered the channel
+        seen = [as_tentative(e) for e in seen if told.verdict != "no_gap"]
+    if not seen:
+        return told
+    least = min((e.gap_removed for e in told.effects), default=1.0)
+    more = [replace(e, gap_removed=min(e.gap_removed, least)) for e in seen]
+    verdict = {"no_gap": "explained", "unexplained": "partly_explained"}
+    return replace(
+        told, effects=(*told.effects, *more), verdict=verdict.get(told.verdict, told.verdict)
+    )
 
 
 def _near(found: Judgement) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, body_group
-from cjt_gym.gap.horizons.rows import sets
+from cjt_gym.gap.horizons.rows import BODIES, sets
 from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
 from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint import Joint
@@ -19,6 +19,8 @@ BRAKED = 1.5
 little more than one, as a joint at its top speed does not accelerate; gravity may add to it."""
 BACKDRIVEN = 0.02
 """Share of the torque due to the motor above which its torque constant is fitted."""
+SPRING, DAMPED = "d_gl", 0.01
+"""The torsion bar's internal damping, and its usual share of the load's critical damping."""
 LOOSE = 0.1
 """Relative step of a datasheet value that is off by more than its stated tolerance."""
 
@@ -39,6 +41,8 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         found.append(
             Term("stiffness", (number,), sets("stiffness", "k_b"), nominal=(number.start,))
         )
+        if not groups.output_fixed:
+            found.append(_spring_damping(joint))
     if groups.groups[0] != groups.groups[1] and file.parameters.get("k_g", 0.0) > 0.0:
         number = datasheet_number(file, "k_g", STIFFNESS, 100.0)
         found.append(
@@ -54,7 +58,25 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         found.append(
             Term("load_inertia", (number,), sets("load_inertia", "I_l"), nominal=(number.start,))
         )
-    return tuple(found)
+    others = [b for b in "gl" if b not in body_group(groups, "m") and is_damping_stated(joint, b)]
+    return (*found, *(_stated_damping(joint, scales, body) for body in others))
+
+
+def is_damping_stated(joint: Joint, body: str) -> bool:
+    """Return whether the datasheet states the damping of a body that moves, and how well."""
+    stated = math.isfinite(tolerance_of(joint.file, f"d_{body}", math.inf))
+    moves = joint.structure_row.groups["mgl".index(body)] >= 0
+    return moves and stated and joint.parameters.get(f"d_{body}", 0.0) > 0.0
+
+
+def _stated_damping(joint: Joint, scales: Scales, body: str) -> Term:
+    """Return the damping of a body that moves apart from the motor."""
+    symbol = f"d_{body}"
+    start = joint.parameters.get(symbol, 0.0)
+    most = max(BRAKED * scales.peak / scales.fast, 2.0 * start)
+    tolerance = tolerance_of(joint.file, symbol, math.inf)
+    number = Number(symbol, "N m s/rad", start, tolerance, True, start / 100.0, most)
+    return Term("damping", (number,), sets("damping", symbol), BODIES[body], nominal=(start,))
 
 
 def _inertia(joint: Joint) -> Number:
@@ -117,6 +139,25 @@ def _damping(joint: Joint, scales: Scales) -> Term:
     return Term("damping", (number,), put, "motor", nominal=(start,))
 
 
+def _spring_damping(joint: Joint) -> Term:
+    """Return the internal damping of the torsion bar, which is fitted and not told.
+
+    Few datasheets state it; without it the damping of motor and load would make up for it.
+    """
+    file, p = joint.file, joint.parameters
+    moved = body_group(joint.structure_row, "l")
+    critical = 2.0 * math.sqrt(p.k_b * sum(p.get(f"I_{b}", 0.0) for b in moved))
+    start = p.get("d_gl", 0.0) or DAMPED * critical
+    stated = tolerance_of(file, "d_gl", math.inf)
+    scale = stated if p.get("d_gl", 0.0) > 0.0 and math.isfinite(stated) else GUESSED
+    number = Number(SPRING, "N m s/rad", start, scale, True, 1e-3 * start, max(critical, start))
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        draft.parameters[SPRING] = values[0]
+
+    return Term("stiffness", (number,), put, channel=SPRING, nominal=(start,), told=False)
+
+
 def freed(terms: Sequence[Term]) -> list[Term]:
     """Return terms that release datasheet values from their narrow tolerances."""
     return [
@@ -128,5 +169,5 @@ def freed(terms: Sequence[Term]) -> list[Term]:
         )
         for term in terms
         for number in term.numbers[:1]
-        if number.prior and number.scale < VAGUE
+        if term.told and number.prior and number.scale < VAGUE
     ]

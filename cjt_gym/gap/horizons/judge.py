@@ -177,7 +177,9 @@ def judge(
     base = Model(case.joint, base_terms(case.joint, scales))
     refined = {name for name in excluded if name in REFINED}
     seen = seen_in_torque(case.joint, case.logs, {"cogging"} & set(excluded))
+    given = {t.key for t in base.terms}
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
+    may = [t for t in may if t.key not in given]
     may += [cogging(seen["cogging"])] if "cogging" in seen else []
     terms = likelier([*may, *own, *freed(base.terms)], seen)
     found = search(

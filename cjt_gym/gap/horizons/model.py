@@ -86,6 +86,7 @@ class Term:
         family: Name of a group of similar terms.
         factor: Factor on the price, larger for less likely terms.
         tight: The same term within its datasheet tolerance, if this one is released from it.
+        told: Whether it may be named; otherwise it is only fitted.
     """
 
     name: str
@@ -100,6 +101,7 @@ class Term:
     family: str = ""
     factor: float = 1.0
     tight: Term | None = None
+    told: bool = True
 
     @property
     def key(self) -> tuple[str, str | None, str | None]:

@@ -86,7 +86,7 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
     ]
     free = shape.groups[2] >= 0
     if free and shape.groups[2] != shape.groups[0]:
-        found += [_load_coulomb(scales), _load_damping(scales)]
+        found += [_load_coulomb(scales), _load_damping(joint, scales)]
     if free and joint.parameters.axis == "rotary" and scales.travel > SWING:
         found.append(_gravity(joint, scales))
     measured = set().union(*(log.measured for log in logs))
@@ -239,11 +239,11 @@ def _load_coulomb(scales: Scales) -> Term:
     )  # fmt: skip
 
 
-def _load_damping(scales: Scales) -> Term:
-    step = 0.1 * scales.torque / scales.speed
-    number = Free("d_l", "N m s/rad", 0.0, step, low=0.0)
-    return Term("damping", (number,), sets("damping", "d_l"), "load", starts=((step,),),
-                nominal=(0.0,))  # fmt: skip
+def _load_damping(joint: Joint, scales: Scales) -> Term:
+    given, step = joint.parameters.get("d_l", 0.0), 0.1 * scales.torque / scales.speed
+    number = Free("d_l", "N m s/rad", given, step, low=0.0)
+    return Term("damping", (number,), sets("damping", "d_l"), "load", starts=((given + step,),),
+                nominal=(given,))  # fmt: skip
 
 
 def _gravity(joint: Joint, scales: Scales) -> Term:

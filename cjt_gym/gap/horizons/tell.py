@@ -200,7 +200,7 @@ def _effects(
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
-        if there and term.name not in excluded and _deserves(judged, k, term, seen):
+        if there and term.told and term.name not in excluded and _deserves(judged, k, term, seen):
             effect = _named(judged, problem, spread, k, term)
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]

@@ -138,7 +138,9 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
     for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
         scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
         value, nominal = scale * values[0], scale * term.nominal[0]
-        if known and (term.numbers[0].prior or _guessed(judged.case.joint, term)):
+        if not term.told or (
+            known and (term.numbers[0].prior or _guessed(judged.case.joint, term))
+        ):
             continue
         if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")

@@ -61,8 +61,15 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
             said = f"{source}, {OPEN}" if f"{name}.{symbol}" in untold else source
             entries[symbol] = _entry(judged.case.joint, name, symbol, value, said, intervals)
         table[name] = entries
-    p = nominal.parameters
-    parameters = replace(p, name=f"{p.name}_identified", source=f"{p.source}; effects {source}")
+    p, fitted = nominal.parameters, answer.parameters.quantities
+    moved = {
+        s: Quantity(_short(q.number), q.unit, source)
+        for s, q in fitted.items()
+        if s not in p.quantities or q.number != p.quantities[s].number
+    }
+    parameters = replace(
+        p.replace(**moved), name=f"{p.name}_identified", source=f"{p.source}; effects {source}"
+    )
     return replace(
         nominal, parameters=parameters, effects=table, structure=answer.structure,
         drive=answer.drive, found=found_at(judged, untold),

@@ -31,6 +31,8 @@ STRAINED, RELAXED = 3.0, 0.5
 """Deviations from the datasheet above which a value is strained, and to which it is relaxed."""
 LONGEST = 100.0
 """Longest step of a coordinate."""
+RUNAWAY = 1e30
+"""Sum of squares of a derivative from which a model runs away; it then tells no direction."""
 
 
 @dataclass(frozen=True)
@@ -172,6 +174,8 @@ class Problem:
         residuals = self.residuals(model, z)
         ms = self.mean_square(residuals)
         cost = self.cost(model, ms, z)
+        if not np.isfinite(cost):  # a model that runs away from where it starts
+            return Fit(model, z, np.inf, ms, residuals, known or {})
         jacobian = self.jacobian(model, z, residuals, known)
         fresh, damping = known is None, 1e-3
         for _ in range(moves if z.size else 0):
@@ -252,7 +256,9 @@ class Problem:
             moved = z.copy()
             moved[j] += step
             for name, r in self.residuals(model, moved, touches[j]).items():
-                out[name][:, j] = (r - residuals[name]) / step
+                column = (r - residuals[name]) / step
+                if column @ column < RUNAWAY:
+                    out[name][:, j] = column
         return out
 
     def _normal(

@@ -21,6 +21,9 @@ from cjt_gym.gap.stages.predictor import torque_response
 from cjt_gym.joint.arrays import Floats
 
 HIGHEST = 20_000.0
+FEWEST = 2.0
+"""Highest spatial frequency sought [rad/rad], and fewest periods of a wave within the travel: a
+slower one looks like a spring."""
 CELLS = 1 << 20
 TRIED, PEAKS = 12, 3
 """Number of peaks of the spectrum that are fitted, and of those that are returned."""
@@ -118,7 +121,7 @@ def _spectrum(
     if travel <= 0.0 or fast <= 0.0:
         return np.zeros(0), np.zeros(0)
     gradient = fftconvolve(residual, response[::-1])[len(response) - 1 :][: len(q)] * weight
-    low, high = 2.0 * np.pi * 3.0 / travel, HIGHEST
+    low, high = 2.0 * np.pi * FEWEST / travel, HIGHEST
     cell = max(2.0 * np.pi / high / 6.0, travel / CELLS * 4.0)
     index = np.minimum(((q - q.min()) / cell).astype(np.int64), CELLS - 1)
     size = int(2 ** np.ceil(np.log2(index.max() + 1))) * 4
