@@ -52,6 +52,9 @@ NEAR = 0.2
 """Relative error above which a search looks for a better joint than that of the stages."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
 """Share of an error, and number of its deviations, above which it counts as predictable."""
+MISSED = 0.8
+"""Predictable share of the squared error above which the joint that the stages found misses
+something, however small the error is."""
 OUTSIDE = 3.0
 """Number of tolerances by which a datasheet value must be off to be diagnosed."""
 DEAFER = 1.0
@@ -167,7 +170,12 @@ def judge(
         open_ = any(_left(errors[key], one) for key, one in known.items())
         worst = max((e for key, e in errors.items() if key[1] != min(HORIZONS)), default=0.0)
         near, loud = worst < NEAR, worst > LOUD
-        doubtful = open_ and loud
+        missed = any(
+            _left(errors[key], one) and one.share > MISSED
+            for key, one in known.items()
+            if key[1] != min(HORIZONS)
+        )
+        doubtful = open_ and (loud or missed)
         if _cut(case) and not (own or doubtful or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
         settled = explained and not own and near and not open_
