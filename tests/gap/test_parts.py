@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from cjt_gym.errors import RecordError
+from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.judged.replay import Written, replay
 from cjt_gym.gap.recorded.noise import high_frequency_std, lattice_step, observed_jitter
 from cjt_gym.gap.recorded.series import to_series
@@ -19,6 +20,7 @@ from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fields import NEUTRAL, friction_law
 from cjt_gym.gap.stages.fit import Model, Problem
 from cjt_gym.gap.stages.kernel import LAW_SIZE, friction_torque
+from cjt_gym.gap.stages.periodic import periodic_starts
 from cjt_gym.gap.stages.spring import slip, spring_torque
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.parameters import JointParameters
@@ -220,6 +222,34 @@ def test_derivatives_only_fill_the_stages_that_a_number_touches() -> None:
         for stage in problem.stages.names:
             if stage not in nuisance.stages:
                 assert not jacobian[stage][:, column].any()
+
+
+def test_a_fit_that_begins_where_a_model_runs_away_ends_there() -> None:
+    setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
+    problem = Problem.of(Stages(setting))
+    rows = all_candidates(setting, problem.stages.names)
+    damping = next(row for row in rows if row.name == "damping")
+    free = replace(damping.unknowns[0], low=-np.inf)
+    model = Model((replace(damping, unknowns=(free,)),))
+    z = np.append(np.zeros(len(problem.shared)), free.coordinate(-1e6))
+    with np.errstate(all="ignore"):  # as in a diagnosis
+        found = problem.fit(model, z)
+    assert found.cost == np.inf
+    assert found.z.tolist() == z.tolist()
+
+
+def test_a_wave_of_few_periods_is_found() -> None:
+    """Ripple that repeats with the angle two and a half times over the travel of a held joint."""
+    still = simulate(seconds=4.0)
+    f = 2.0 * np.pi * 2.4 / np.ptp(still["q_m"])
+    made = simulate(seconds=4.0, extra=lambda _, q, __: -0.06 * np.cos(f * q) * TRUE["k_b"] * q)
+    setting = make_setting(made, nominal(), get_structure(FIXED))
+    problem = Problem.of(Stages(setting))
+    base = problem.fit(Model(), np.zeros(len(problem.shared)))
+    fields = problem.fields(base.model, base.z)
+    residual = problem.stages.first(base.residuals)["motor"]
+    starts = periodic_starts(problem.stages, fields, residual, "rip")
+    assert min(abs(start[0] / f - 1.0) for start in starts) < 0.1
 
 
 def test_a_replay_follows_an_independent_simulation() -> None:

@@ -259,3 +259,43 @@ def test_friction_may_be_the_loads_where_only_the_motor_is_seen() -> None:
         setting = make_setting(made, joint.file, joint.structure_row)
         assert (pair in twins(setting)) == alike
         assert undecided(setting, "coulomb") == alike
+
+
+def test_the_damping_of_a_spring_is_fitted_and_not_named() -> None:
+    """Left at the datasheet's, dampings of motor and load were confirmed in its place."""
+    true = {"I_l": 2.0, "d_l": 0.5, "d_gl": 6.0}
+    joint = load_joint("orange_80_6000", "rigid_gearbox", parameters=true)
+    p, rng, t = joint.parameters, np.random.default_rng(4), DT * np.arange(6000)
+    torque = 20.0 * np.sin(2.0 * np.pi * 1.3 * t) + 10.0 * np.sin(2.0 * np.pi * 7.0 * t)
+    torque += 8.0 * rng.uniform(-1.0, 1.0, 60)[(t / 0.1).astype(int)]
+    angle = quiet(joint).simulate(torque, dt=DT)["true_q_m"] + rng.normal(0.0, 1e-6, 6000)
+    made = Record(
+        {"t": t, "i": torque / (p.k_t * p.n), "q_m": angle},
+        {"t": "s", "i": "A", "q_m": "rad"},
+        structure=joint.structure,
+    )
+    stated = joint.file.parameters.replace(
+        d_gl=Quantity(0.3 * p.d_gl, "N m s/rad", "test", tolerance=0.2),
+        d_l=Quantity(p.d_l, "N m s/rad", "test", tolerance=0.2),
+    )
+    found = diagnose(made, replace(joint.file, parameters=stated))
+    assert (found.verdict, found.effects) == ("no_gap", ())
+    assert found.joint.parameters.d_gl == pytest.approx(p.d_gl, rel=0.25)
+    assert all(row.found < 0.6 * row.datasheet for row in found.horizons)
+
+
+def test_noise_read_off_a_channel_is_told_beside_a_searched_joint() -> None:
+    """What is predicted over horizons does not depend on noise, so that a search names none."""
+    made = simulate(friction=(1.0, 1.0))
+    file = nominal()
+    few = Record(
+        {name: made[name] for name in ("i_cmd", "q_m")},
+        {"i_cmd": "A", "q_m": "rad"},
+        dt=DT,
+        structure=made.structure,
+    )
+    noisy = few["q_m"] + np.random.default_rng(5).normal(0.0, 4e-5, len(few))
+    found = diagnose(few.with_columns({"q_m": noisy}), file)
+    named = {effect.name: effect for effect in found.effects}
+    assert named["noise"].channel == "q_m"
+    assert named["noise"].parameters["noise"].value == pytest.approx(4e-5, rel=0.2)
