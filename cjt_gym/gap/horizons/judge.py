@@ -50,6 +50,9 @@ CLEARLY = 0.4
 """Logarithm of the mean square by which a search must beat the stages of a cut joint."""
 NEAR = 0.2
 """Relative error above which a search looks for a better joint than that of the stages."""
+SMALL, HALF = 0.01, 0.5
+"""Relative error, and predictable share of its square, above which the stages of a joint whose
+torque is not measured leave a search something to find."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
 """Share of an error, and number of its deviations, above which it counts as predictable."""
 MISSED = 0.8
@@ -178,7 +181,12 @@ def judge(
         doubtful = open_ and (loud or missed)
         if _cut(case) and not (own or doubtful or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
-        settled = explained and not own and near and not open_
+        short = any(
+            errors[key] > SMALL and one.share > HALF
+            for key, one in known.items()
+            if key[1] != min(HORIZONS)
+        )
+        settled = explained and not (own or open_ or short) and near
         if settled and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)

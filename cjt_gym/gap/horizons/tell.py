@@ -49,6 +49,9 @@ from cjt_gym.gap.judged.confusable import advice
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0
 """Multiples of the required clarity and price above which an effect may be confirmed."""
+LOUDEST = 10.0
+"""Multiple of its price by which an effect that the examination excludes must lower the cost to be
+named at all, tentatively."""
 STRAINED = 2.5
 """Number of stated tolerances up to which the other datasheet values may be off where an effect is
 confirmed: beyond that, something else is missing that they make up for."""
@@ -200,7 +203,8 @@ def _effects(
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
-        if there and term.told and term.name not in excluded and _deserves(judged, k, term, seen):
+        open_ = term.name in excluded and not _is_overwhelming(judged, k)
+        if there and term.told and not open_ and _deserves(judged, k, term, seen):
             effect = _named(judged, problem, spread, k, term)
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
@@ -316,6 +320,15 @@ def _named(
         "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
         removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
     )  # fmt: skip
+
+
+def _is_overwhelming(judged: Judgement, index: int) -> bool:
+    """Return whether an effect that one record can hardly show is seen far beyond doubt."""
+    assert judged.found is not None
+    worth = judged.found.worths[index]
+    removed = _removed(judged.found.less[index], judged.found.fit)
+    clear = worth.clear > SURE * worth.needed and worth.fall > LOUDEST * worth.price
+    return clear and removed > MUCH
 
 
 def _is_strained(judged: Judgement, term: Term) -> bool:

@@ -22,11 +22,18 @@ from cjt_gym.gap.stages.leftover import status
 from cjt_gym.gap.stages.merit import MARGIN, evidence
 from cjt_gym.gap.stages.prune import Need
 from cjt_gym.gap.stages.sensing import SensorFinding
+from cjt_gym.joint import EFFECTS
 
 SHADOW = 0.25
 """Confidence below which an effect beside a cause outside the table is considered its shadow."""
 LIKE_FRICTION = frozenset({"square_m", "square_l", "warm_up", "spot"})
 """Causes outside the table that a combination of friction effects imitates."""
+OFF, UNEVEN = 2.5, 0.1
+"""Usual deviations of an offset, and its share of a symmetric friction, from which the friction may
+as well be asymmetric."""
+STRAINED = 5.0
+"""Tolerances by which a datasheet value may be off beside a stage that stays unexplained, or
+nothing is confirmed: what is missing there may be missing elsewhere."""
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 
@@ -46,6 +53,7 @@ def name_effects(
     problem, fit = found.problem, found.fit
     whole, dt = _whole(found), problem.stages.setting.series.dt
     clouded = {effect.stage for effect in fit.model.effects if effect.name in LIKE_FRICTION}
+    strained = _is_strained(found)
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
         if effect.outside:
@@ -58,7 +66,7 @@ def name_effects(
         doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
         doubtful = doubtful or undecided(problem.stages.setting, effect.name)
         doubtful = doubtful or may_be_the_records(effect.name, numbers, dt)
-        doubtful = doubtful or _warm(found, index, numbers)
+        doubtful = doubtful or _warm(found, index, numbers) or _is_lopsided(found, index, numbers)
         if doubtful or _harmful(found, need, unseen):
             state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
@@ -69,7 +77,9 @@ def name_effects(
         beside = any(other.outside for other in fit.model.effects)
         if beside and chance < SHADOW and not undecided(problem.stages.setting, effect.name):
             continue
-        if chance < EVEN_CHANCE or effect.stage in clouded:
+        alike = _confusable(found, index, numbers)
+        guessed = any(_corrects_a_guess(problem.stages.setting, name) for name in alike)
+        if chance < EVEN_CHANCE or effect.stage in clouded or guessed or strained:
             state = "tentative"
         rows.append(
             NamedEffect(
@@ -81,7 +91,7 @@ def name_effects(
                 state,
                 chance,
                 float(np.clip(need.evidence / whole, 0.0, 1.0)),
-                _confusable(found, index, numbers),
+                alike,
                 lead,
                 None if trial is None else trial.worth,
             )
@@ -117,13 +127,47 @@ def _warm(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> bo
     return derates and effects[index].name == "torque_constant" and small
 
 
+def _is_lopsided(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> bool:
+    """Return whether an offset that was fitted beside symmetric friction may be its asymmetry."""
+    problem, fit = found.problem, found.fit
+    effect = fit.model.effects[index]
+    if effect.name != "coulomb":
+        return False
+    level = max(one.value for one in numbers.values())
+    fields = problem.fields(fit.model, fit.z)
+    torque = {"i_0": fields["k_t"] * fields["n"] * fields["i_0"], "tau_0": fields["tau_0"]}
+    return any(
+        abs(z) > OFF and abs(torque[nuisance.field]) > UNEVEN * level
+        for nuisance, z in zip(problem.shared, fit.z, strict=False)
+        if nuisance.field in torque
+    )
+
+
+def _corrects_a_guess(setting: Setting, name: str) -> bool:
+    """Return whether an effect would only correct what the datasheet guesses."""
+    known = setting.joint.parameters.quantities
+    return any(p.symbol in known and known[p.symbol].guess for p in EFFECTS[name].parameters)
+
+
+def _is_strained(found: Explanation) -> bool:
+    """Return whether a stage stays unexplained although a value of the datasheet gave way to it."""
+    left = {item.stage for item in found.left}
+    released = {effect.releases for effect in found.fit.model.effects}
+    return any(
+        abs(z) > STRAINED and left & set(nuisance.stages)
+        for nuisance, z in zip(found.problem.shared, found.fit.z, strict=False)
+        if nuisance.unknown.log and nuisance.unknown.prior and nuisance.field not in released
+    )
+
+
 def _confusable(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> tuple[str, ...]:
     """Return effects that could replace an effect in this explanation or with these channels."""
     names = rivals(found.problem, found.base, found.fit, index, found.seen)
     name = found.fit.model.effects[index].name
     warmth = ("thermal_derating",) if _warm(found, index, numbers) else ()
     same = same_here(found.problem.stages.setting, name)
-    return tuple(dict.fromkeys((*warmth, *names, *same)))
+    uneven = ("coulomb_asym",) if _is_lopsided(found, index, numbers) else ()
+    return tuple(dict.fromkeys((*warmth, *uneven, *names, *same)))
 
 
 def _whole(found: Explanation) -> float:
