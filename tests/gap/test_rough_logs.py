@@ -299,3 +299,42 @@ def test_noise_read_off_a_channel_is_told_beside_a_searched_joint() -> None:
     named = {effect.name: effect for effect in found.effects}
     assert named["noise"].channel == "q_m"
     assert named["noise"].parameters["noise"].value == pytest.approx(4e-5, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("friction", "status"), [((3.0, 1.2), "tentative"), ((2.0, 2.0), "confirmed")]
+)
+def test_friction_that_may_be_asymmetric_is_not_confirmed_as_symmetric(
+    friction: tuple[float, float], status: str
+) -> None:
+    """With a command alone an offset of the amplifier beside symmetric friction looks alike."""
+    made, columns = simulate(friction=friction), ("i_cmd", "q_m", "q_l", "tau")
+    few = Record(
+        {name: made[name] for name in columns},
+        {name: made.units[name] for name in columns},
+        dt=DT,
+        structure=made.structure,
+    )
+    (effect,) = diagnose(few, nominal()).effects
+    assert (effect.name, effect.status) == ("coulomb", status)
+    assert effect.parameters["d_cm"].value == pytest.approx(sum(friction) / 2.0, rel=0.05)
+    assert ("coulomb_asym" in effect.confusable_with) == (status == "tentative")
+
+
+def test_friction_of_a_load_is_told_where_predictions_show_it() -> None:
+    """Of a compliant joint, by the motor alone: tentatively, as the examination excludes it."""
+    true = {"I_l": 2.0, "d_l": 0.5, "d_gl": 6.0}
+    dry = {"load_coulomb": {"d_cl": 3.0}}
+    joint = load_joint("orange_80_6000", "rigid_gearbox", parameters=true, effects=dry)
+    p, rng, t = joint.parameters, np.random.default_rng(4), DT * np.arange(8000)
+    torque = 20.0 * np.sin(2.0 * np.pi * 1.3 * t) + 10.0 * np.sin(2.0 * np.pi * 7.0 * t)
+    torque += 8.0 * rng.uniform(-1.0, 1.0, 80)[(t / 0.1).astype(int)]
+    angle = quiet(joint).simulate(torque, dt=DT)["true_q_m"] + rng.normal(0.0, 1e-6, 8000)
+    made = Record(
+        {"t": t, "i": torque / (p.k_t * p.n), "q_m": angle},
+        {"t": "s", "i": "A", "q_m": "rad"},
+        structure=joint.structure,
+    )
+    (effect,) = diagnose(made, joint.file).effects
+    assert (effect.name, effect.status) == ("load_coulomb", "tentative")
+    assert effect.parameters["d_cl"].value == pytest.approx(3.0, rel=0.1)

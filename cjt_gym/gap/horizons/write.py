@@ -61,10 +61,10 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
             said = f"{source}, {OPEN}" if f"{name}.{symbol}" in untold else source
             entries[symbol] = _entry(judged.case.joint, name, symbol, value, said, intervals)
         table[name] = entries
-    p, fitted = nominal.parameters, answer.parameters.quantities
+    p = nominal.parameters
     moved = {
         s: Quantity(_short(q.number), q.unit, source)
-        for s, q in fitted.items()
+        for s, q in answer.parameters.quantities.items()
         if s not in p.quantities or q.number != p.quantities[s].number
     }
     parameters = replace(

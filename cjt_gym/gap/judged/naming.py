@@ -16,6 +16,7 @@ from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.missing import same_here, undecided
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.explain import Explanation
+from cjt_gym.gap.stages.fit import Fit, Problem
 from cjt_gym.gap.stages.heldout import worth
 from cjt_gym.gap.stages.lateness import may_be_the_records
 from cjt_gym.gap.stages.leftover import status
@@ -31,6 +32,8 @@ LIKE_FRICTION = frozenset({"square_m", "square_l", "warm_up", "spot"})
 OFF, UNEVEN = 2.5, 0.1
 """Usual deviations of an offset, and its share of a symmetric friction, from which the friction may
 as well be asymmetric."""
+MIRRORED = 1.5
+"""Ratio of the friction in the two directions up to which both are nearly the same."""
 STRAINED = 5.0
 """Tolerances by which a datasheet value may be off beside a stage that stays unexplained, or
 nothing is confirmed: what is missing there may be missing elsewhere."""
@@ -128,7 +131,11 @@ def _warm(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> bo
 
 
 def _is_lopsided(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> bool:
-    """Return whether an offset that was fitted beside symmetric friction may be its asymmetry."""
+    """Return whether symmetric friction may as well be asymmetric.
+
+    An offset that was fitted beside it may be its asymmetry, and so may what was taken for the
+    inaccuracy of a drive whose current is not measured.
+    """
     problem, fit = found.problem, found.fit
     effect = fit.model.effects[index]
     if effect.name != "coulomb":
@@ -136,11 +143,29 @@ def _is_lopsided(found: Explanation, index: int, numbers: Mapping[str, Interval]
     level = max(one.value for one in numbers.values())
     fields = problem.fields(fit.model, fit.z)
     torque = {"i_0": fields["k_t"] * fields["n"] * fields["i_0"], "tau_0": fields["tau_0"]}
-    return any(
+    offset = any(
         abs(z) > OFF and abs(torque[nuisance.field]) > UNEVEN * level
         for nuisance, z in zip(problem.shared, fit.z, strict=False)
         if nuisance.field in torque
     )
+    return offset or (
+        problem.stages.setting.current_unspecified
+        and any(_is_uneven(problem, fit, other, effect.body) for other in found.seen)
+    )
+
+
+def _is_uneven(problem: Problem, named: Fit, fit: Fit, body: str | None) -> bool:
+    """Return whether the named effects with asymmetric friction in one body are indeed uneven."""
+    others = {e.name for e in fit.model.effects} - {"coulomb_asym"}
+    if not others <= {e.name for e in named.model.effects} - {"coulomb", "torque_offset"}:
+        return False
+    at = len(problem.shared)
+    for effect in fit.model.effects:
+        if effect.name == "coulomb_asym" and effect.body == body:
+            levels = [u.value(z) for u, z in zip(effect.unknowns, fit.z[at:], strict=False)]
+            return max(levels[:2]) > MIRRORED * min(levels[:2])
+        at += len(effect.unknowns)
+    return False
 
 
 def _corrects_a_guess(setting: Setting, name: str) -> bool:
