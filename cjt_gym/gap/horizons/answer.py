@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.tell import as_tentative, horizons_of, retold
+from cjt_gym.gap.horizons.tell import LATE, as_tentative, horizons_of, retold
 from cjt_gym.gap.horizons.verdict import main_row, unexplained_of
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
@@ -79,7 +79,7 @@ def judged(
         told = _doubted(_cleared(first, found), found)
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = allowed_by(retold(first, found, excluded, _title(records[0])), excluded)
-    told = _with_measures(told, first)
+    told = _with_elsewhere(told, first, found)
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
     if not told.effects and not found.cut and main_row(found).found > LOUD:
@@ -88,12 +88,18 @@ def judged(
     return told
 
 
-def _with_measures(told: Diagnosis, first: Diagnosis) -> Diagnosis:
-    """Return a diagnosis with the faults of sensors that the stages read off a channel.
+def _with_elsewhere(told: Diagnosis, first: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis with what the stages found where predictions of motion do not look.
 
-    Predictions over horizons do not show them: they move no joint.
+    These are faults of sensors, and a drive's where the motion is predicted from its current.
     """
-    seen = [e for e in first.effects if e.name in MEASURES]
+    measured = found.case.logs[0].drive == "i"
+    known = {e.name for e in told.effects} | LATE
+    seen = [
+        e
+        for e in first.effects
+        if e.name in MEASURES or (measured and e.stage == "drive" and e.name not in known)
+    ]
     if first.verdict not in SETTLED:  # something else may have scattered the channel
         seen = [as_tentative(e) for e in seen if told.verdict != "no_gap"]
     if not seen:

@@ -45,6 +45,7 @@ from cjt_gym.gap.horizons.verdict import (
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE
 from cjt_gym.gap.horizons.write import joint_of
 from cjt_gym.gap.judged.confusable import advice
+from cjt_gym.gap.stages.nuisances import USUAL_COMMAND, USUAL_CURRENT
 
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0
@@ -114,6 +115,7 @@ def retold(
         record: Name of the record, for the joint's sources.
     """
     seen = seen_in_torque(judged.case.joint, judged.case.logs, excluded)
+    seen = {n: one for n, one in seen.items() if not _is_usual_offset(judged, n, one.values[0])}
     effects = _effects(judged, excluded, seen)
     regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
     if judged.answer == "datasheet" and not loud:
@@ -266,6 +268,8 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         return False
     if term.name in SCALED and not term.numbers[0].low < values[0] < term.numbers[0].high:
         return False
+    if _is_usual_offset(judged, term.name, values[0]):
+        return False
     as_given = {t.key: t for t in found.base.model.terms}  # the final fit holds the inertia
     number = as_given.get(term.key, term).numbers[0]
     if number.prior:
@@ -277,6 +281,14 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
+
+
+def _is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
+    """Return whether a constant torque [N m] is no more than an amplifier's usual offset."""
+    p, log = judged.case.joint.parameters, judged.case.logs[0]
+    usual = USUAL_CURRENT if log.drive == "i" else USUAL_COMMAND * float(np.ptp(log.command))
+    small = abs(torque) <= OUTSIDE * p.k_t * p.n * usual
+    return name == "torque_offset" and not log.voltage and small
 
 
 def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:

@@ -19,6 +19,8 @@ CURRENT_OFFSET, TORQUE_OFFSET = 0.35, 0.75
 """Deviation of a sensor's offset, in units of its noise."""
 USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
 """Smallest standard deviation of the offsets of current [A] and torque [N m]."""
+USUAL_COMMAND = 1e-3
+"""Standard deviation of an amplifier's offset, as a share of the range of its command."""
 OWN = ("i_0", "tau_0", "q_0")
 """Fields that differ from record to record of one joint."""
 BLURRED = 0.3
@@ -148,7 +150,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
     else:
         p = setting.nominal
         limit = p["i_max"] if np.isfinite(p["i_max"]) else float(np.ptp(series["i_cmd"]))
-        rows.append(_offset("i_0", "A", 0.0, 1e-3 * limit, ("motor",)))
+        rows.append(_offset("i_0", "A", 0.0, USUAL_COMMAND * limit, ("motor",)))
     if "i" in series and "i_cmd" in series and setting.nominal["lag"] > 0.0:
         start, far = setting.nominal["lag"], float(np.exp(3.0 * LAG_TOLERANCE))
         lag = Number("lag", "s", start, LAG_TOLERANCE, True, low=start / far, high=start * far)
