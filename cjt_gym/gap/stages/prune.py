@@ -88,7 +88,10 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> F
         for name in SIMPLER.get(effect.name, ()):
             match = [h for h in candidates if h.name == name and h.body == effect.body]
             if match and not any(h.key == match[0].key for h in fit.model.effects):
-                trial = _swapped(problem, fit, index, match[0])
+                trials = (
+                    replaced(problem, fit, index, match[0]) for replaced in (_swapped, _in_place)
+                )
+                trial = max(trials, key=lambda one: evidence(problem, one))
                 if _as_good(trial, fit) and loss(problem, trial, fit) < SLACK:
                     return simplify(problem, trial, candidates)
     return fit
@@ -199,6 +202,23 @@ def other_frequencies(problem: Problem, fit: Fit) -> Fit:
 def _swapped(problem: Problem, fit: Fit, index: int, *effects: Candidate) -> Fit:
     """Return a fit with other effects in place of one of its own."""
     return _with(problem, without(problem, fit, index), *effects)
+
+
+def _in_place(problem: Problem, fit: Fit, index: int, effect: Candidate) -> Fit:
+    """Return a fit with another effect in place of one of its own, started from all it has found.
+
+    Without any friction, damping and datasheet values may move too far to come back.
+    """
+    effects = fit.model.effects
+    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
+    old = effects[index].unknowns
+    known = {u.symbol: u.value(z) for u, z in zip(old, fit.z[at:], strict=False)}
+    new = [
+        u.coordinate(known.get(u.symbol, start))
+        for u, start in zip(effect.unknowns, effect.starts[0], strict=True)
+    ]
+    z = np.concatenate([fit.z[:at], new, fit.z[at + len(old) :]])
+    return problem.fit(Model((*effects[:index], effect, *effects[index + 1 :])), z)
 
 
 def _with(
