@@ -9,7 +9,7 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.forward import followed
+from cjt_gym.gap.horizons.forward import Forecast
 from cjt_gym.gap.horizons.log import to_log, to_logs
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.windows import relative
@@ -180,8 +180,8 @@ def test_a_load_that_was_not_measured_follows_the_motor() -> None:
     true = to_log(full, joint.file, joint.structure_row)
     assert log.known.tolist() == [True, True, False] * 2
     assert true.known.all()
-    assert followed(quiet(joint), true) is true.states
-    found = followed(quiet(joint), log)
+    assert Forecast(quiet(joint), true).states is true.states
+    found = Forecast(quiet(joint), log).states
     off, plain = (np.std(s[:, 2] - true.states[:, 2]) for s in (found, log.states))
     assert off < 0.25 * plain
 

@@ -29,10 +29,11 @@ LATE = "q_l"
 
 def late_angle(view: View) -> float:
     """Return how much later than q_m the angle q_l is read [s]; 0 if the spring may explain it."""
-    balance = view.motor
-    if balance is None or not view.structure.has_spring or not {"q_m", LATE} <= set(view.channels):
+    shape, both = view.structure, {"q_m", LATE} <= set(view.channels)
+    if not (shape.has_spring and both) or shape.output_fixed or view.value("k_b") <= 0.0:
         return 0.0
-    if view.structure.output_fixed or view.value("k_b") <= 0.0:
+    balance = view.motor
+    if balance is None:
         return 0.0
     apart, torque = _at(view, balance, LATE) - _at(view, balance, "q_m"), balance["one"] * 0.0
     if "tau" in view:

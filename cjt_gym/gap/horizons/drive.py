@@ -24,6 +24,9 @@ LEAST = 0.6
 """Shortest reported dead time, in samples."""
 BETTER = 0.8
 """Largest remaining mean square, as a share of that without dead time or lag."""
+LAGS_BY = 0.8
+"""Largest mean square with a lag, as a share of that with a dead time alone: less than that is what
+uneven sampling makes of a dead time of one row."""
 FOLLOWS = 0.5
 """Least share of the current's variance that its command must explain."""
 MOSTLY = 0.75
@@ -77,14 +80,14 @@ def fit_drive(log: Log, pieces: list[Piece]) -> DriveFit | None:
     use[: int(DELAYS[-1]) + 2] = False
     if np.var(i[use]) == 0.0:
         return None
-    best, plain = None, _left(i, c, use)
+    plain, tried = _left(i, c, use), []
     for lag in LAGS:
         slow = _lagged(c, lag)
-        for delay in DELAYS:
-            left, gain, offset = _left(i, _late(slow, delay), use)
-            if best is None or np.sum(left**2) < 0.999 * np.sum(best[0] ** 2):
-                best = (left, gain, offset, delay, lag)
-    assert best is not None
+        trials = [(*_left(i, _late(slow, delay), use), delay, lag) for delay in DELAYS]
+        tried.append(min(trials, key=lambda trial: float(np.sum(trial[0] ** 2))))
+    best = min(tried, key=lambda trial: float(np.sum(trial[0] ** 2)))
+    if np.sum(best[0] ** 2) > LAGS_BY * np.sum(tried[0][0] ** 2):
+        best = tried[0]
     left, gain, offset, delay, lag = best
     if np.sum(left**2) > (1.0 - FOLLOWS) * np.sum((i[use] - np.mean(i[use])) ** 2):
         return None

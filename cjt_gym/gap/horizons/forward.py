@@ -158,21 +158,43 @@ def follow(
         good = whole[k] and control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
 
 
-def followed(joint: Joint, log: Log) -> Floats:
-    """Return the states of a record, shape (N, 6), with estimates of the unmeasured ones."""
-    if log.known.all():
-        return log.states
-    batch = _batch(joint, log)
-    out = np.empty_like(log.states)
-    command = np.ascontiguousarray(log.command)
-    follow(
-        batch.arrays, batch.setup, command, log.load, log.states, log.whole, log.known, _work(), out
-    )
-    return out
+class Forecast:
+    """A joint on one record, ready to be predicted in any windows of it.
 
+    Attributes:
+        states: States of the record, shape (N, 6), with estimates of the unmeasured ones.
+    """
 
-def _work() -> Floats:
-    return np.zeros((WORK_ROWS, WORK_WIDTH))
+    def __init__(self, joint: Joint, log: Log) -> None:
+        """Prepare a joint without noise."""
+        self._log, self._batch = log, _batch(joint, log)
+        self._command = np.ascontiguousarray(log.command)
+        self._heat = _temperatures(self._batch, log)
+        self._work = np.zeros((WORK_ROWS, WORK_WIDTH))
+        self.states = log.states if log.known.all() else self._followed()
+
+    def _followed(self) -> Floats:
+        log, out = self._log, np.empty_like(self._log.states)
+        follow(
+            self._batch.arrays, self._batch.setup, self._command, log.load, log.states, log.whole,
+            log.known, self._work, out,
+        )  # fmt: skip
+        return out
+
+    def windows(self, starts: Integers, lengths: Integers, leads: Integers) -> Floats:
+        """Return predictions, shape (W, longest, 3); columns as in `CHANNELS`.
+
+        Args:
+            starts: First sample of each window, shape (W,).
+            lengths: Samples of each, shape (W,).
+            leads: Samples before each that are held to measured states, shape (W,).
+        """
+        out = np.zeros((len(starts), int(lengths.max(initial=1)), 3))
+        run_windows(
+            self._batch.arrays, self._batch.setup, self._command, self._log.load, self.states,
+            starts, lengths, leads, self._heat, self._work, out,
+        )  # fmt: skip
+        return out
 
 
 def _batch(joint: Joint, log: Log) -> JointBatch:
@@ -183,30 +205,6 @@ def _batch(joint: Joint, log: Log) -> JointBatch:
     longest = min(LONGER if plain else SUBSTEP, 0.5 * longest_substep(joint))
     substeps = max(math.ceil(log.dt / longest - 1e-9), 1)
     return JointBatch(joint, 1, log.dt, log.dt / substeps, voltage=log.voltage)
-
-
-def predict(
-    joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: Integers, states: Floats
-) -> Floats:
-    """Return a joint's predictions in windows, shape (W, longest, 3); columns as in `CHANNELS`.
-
-    Args:
-        joint: The joint, without noise.
-        log: The record.
-        starts: First sample of each window, shape (W,).
-        lengths: Samples of each, shape (W,).
-        leads: Samples before each that are held to measured states, shape (W,).
-        states: States from `followed`, shape (N, 6).
-    """
-    batch = _batch(joint, log)
-    out = np.zeros((len(starts), int(lengths.max(initial=1)), 3))
-    command = np.ascontiguousarray(log.command)
-    heat = _temperatures(batch, log)
-    run_windows(
-        batch.arrays, batch.setup, command, log.load, states, starts, lengths, leads, heat,
-        _work(), out,
-    )  # fmt: skip
-    return out
 
 
 def _temperatures(batch: JointBatch, log: Log) -> Floats:

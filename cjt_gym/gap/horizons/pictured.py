@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.evidence import Evidence
-from cjt_gym.gap.horizons.forward import CHANNELS, followed, predict
+from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.windows import WHOLE, Group, Windows
@@ -79,4 +79,4 @@ def _predicted(joint: Joint, log: Log, group: Group, starts: NDArray[np.int64]) 
     order = np.argsort(group.starts)
     leads = group.leads[order][np.searchsorted(group.starts[order], starts)]
     lengths = np.full(len(starts), group.length)
-    return np.nan_to_num(predict(joint, log, starts, lengths, leads, followed(joint, log)))
+    return np.nan_to_num(Forecast(joint, log).windows(starts, lengths, leads))

@@ -24,6 +24,8 @@ CREEP = 0.002
 """Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
 SLOWEST = 0.02
 """Longest time constant of a drive [s]; anything slower is the mechanics."""
+SLOWEST_HELD = 0.1
+"""The same with a held output, whose mechanics are quick: a drive that controls a torque."""
 LONGEST_DELAY = 0.06
 """Longest dead time of a command [s], as when a computer drives an amplifier over a network."""
 HEAVIEST = 10.0
@@ -82,7 +84,7 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
     found = [
         *_friction(joint, scales, "m"),
         _offset(scales),
-        *_drive(logs),
+        *_drive(logs, held=shape.output_fixed),
     ]
     free = shape.groups[2] >= 0
     if free and shape.groups[2] != shape.groups[0]:
@@ -187,12 +189,12 @@ def _offset(scales: Scales) -> Term:
     )  # fmt: skip
 
 
-def _drive(logs: Sequence[Log]) -> list[Term]:
+def _drive(logs: Sequence[Log], *, held: bool) -> list[Term]:
     measured = logs[0].drive == "i"
     dt, factor = logs[0].dt, UNLIKELY if measured else 1.0
     longest = max(SLOWEST if measured else LONGEST_DELAY, 4.0 * dt)
     delay = _late(dt, longest)
-    slowest = min(1.0 / (2.0 * np.pi * SLOWEST), 0.05 / dt)
+    slowest = min(1.0 / (2.0 * np.pi * (SLOWEST_HELD if held else SLOWEST)), 0.05 / dt)
     starts = (0.7 * dt, 1.5 * dt, 3.0 * dt, 0.5 * longest)
     lag = Free("bandwidth", "Hz", 0.1 / dt, 0.5, True, slowest, 0.5 / dt)
     return [

@@ -25,6 +25,7 @@ from cjt_gym.gap.horizons.by_torque import (
 )
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
+from cjt_gym.gap.horizons.held import slow_alike
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, OUTSIDE, Judgement
 from cjt_gym.gap.horizons.model import Term
@@ -266,6 +267,8 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         return False
     if not told and not agrees(seen.get(term.name), values):
         return False
+    if term.name == "gravity" and seen and "gravity" not in seen and _is_single(judged):
+        return False
     if term.name in SCALED and not term.numbers[0].low < values[0] < term.numbers[0].high:
         return False
     if _is_usual_offset(judged, term.name, values[0]):
@@ -281,6 +284,15 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
+
+
+def _is_single(judged: Judgement) -> bool:
+    """Return whether the joint is a single mass, whose weight the motor's torque must show.
+
+    One that only predictions show makes up for something else, such as friction that is not as the
+    table has it.
+    """
+    return judged.case.joint.structure_row.size == 1
 
 
 def _is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
@@ -317,6 +329,7 @@ def _named(
         same = ("coulomb_asym",)
     if term.name in SKEW and len(SKEW & names) > 1:
         same = tuple(sorted(SKEW - {term.name}))
+    same = (*same, *slow_alike(term.name, judged.joint, judged.case.logs[0]))
     removed = _removed(found.less[index], found.fit)
     firm = worth.clear > SURE * worth.needed and worth.fall > FIRM * worth.price
     firm = firm and not genuine and not same

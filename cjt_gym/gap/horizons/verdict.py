@@ -19,6 +19,9 @@ from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
 from cjt_gym.joint import Joint
 
+DRIFTLESS = 0.3
+"""Relative error over a whole record of a held output, which does not drift, above which nothing
+counts as explained."""
 HALVED = 0.5
 """Ratio to the datasheet's error below which there is a gap even if no effect is named."""
 HEAVY = 10.0
@@ -91,7 +94,8 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
         effects: Named effects.
         suspected: Whether the stages have named any effects.
     """
-    loud = worst_row(judged).found > LOUD
+    worst = worst_row(judged)
+    loud = worst.found > (LOUD if worst.seconds != WHOLE else DRIFTLESS)
     open_ = bool(judged.unexplained) or loud
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.horizons.forward import CHANNELS, LEAD, followed, predict
+from cjt_gym.gap.horizons.forward import CHANNELS, LEAD, Forecast
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.joint import Joint
 
@@ -34,6 +34,8 @@ STEP = 1e-3
 """Approximate longest sample time that the joint's kernel takes in one step [s]."""
 WHOLE = 0.0
 """Horizon key of a piece that is predicted from its first sample to its last."""
+SCRAP = 0.2
+"""Length relative to the longest piece up to which a piece between two gaps is not such a one."""
 LONG = 400
 """Number of samples of such a piece that are evaluated."""
 DECISIVE = 8
@@ -128,11 +130,11 @@ class Windows:
         """
         parts: dict[Key, list[Floats]] = {key: [] for key in self.keys}
         used = {group.log for group in self.groups}
-        states = {n: followed(joint, self.logs[n]) for n in used}
+        forecasts = {n: Forecast(joint, self.logs[n]) for n in used}
         for group in self.groups:
             log = self.logs[group.log]
             lengths = np.full(len(group.starts), group.length)
-            out = predict(joint, log, group.starts, lengths, group.leads, states[group.log])
+            out = forecasts[group.log].windows(group.starts, lengths, group.leads)
             for key, points in self._kinds(group):
                 at = group.starts[:, None] + points
                 error = out[:, points, CHANNELS[key[0]]] - log.measured[key[0]][at]
@@ -249,10 +251,12 @@ def make_windows(
                 lead = np.minimum(_lead(log), room)
                 groups.append(Group(number, HORIZONS[:count], starts, length, numbers, lead))
     if whole:
+        longest = max(p.stop - p.start for p in pieces)
         groups += [
             Group(p.log, (WHOLE,), np.array([p.start]), p.stop - p.start, np.array([k]),
                   np.array([0]))
             for k, p in enumerate(pieces)
+            if p.stop - p.start > SCRAP * longest
         ]  # fmt: skip
     return _scaled(tuple(logs), tuple(groups))
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.horizons.by_torque import inertia_by_torque
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import spread_of
@@ -23,6 +24,10 @@ Floats = NDArray[np.float64]
 DIGITS = 8
 OPEN = "which leaves it open: it predicts best, and is not drawn"
 """What the source of a value says that the record hardly determines."""
+TORN = (
+    "which leaves it open: predictions and a regression of the torque disagree; low to high is both"
+)
+"""What the source of an inertia says on which they do."""
 RARE = 1e-3
 """Share of samples ignored at each end of the speed range, mostly glitches of a derivative."""
 
@@ -48,7 +53,9 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         untold = scatter.untold([e.name for e in effects])
         fitted = {k: one for k, one in scatter.intervals().items() if k not in untold}
         same = {k: i for k, i in intervals.items() if k in fitted and _same(i, fitted[k])}
-        intervals = fitted | same
+        torn = _torn(judged, scatter)
+        intervals = fitted | same | torn
+        untold |= torn.keys()
     table: dict[str, dict[str, Entry]] = {n: dict(v) for n, v in nominal.effects.items()}
     for name in table.keys() - answer.effects.keys():
         if EFFECTS[name].excludes and set(EFFECTS[name].excludes) & answer.effects.keys():
@@ -58,7 +65,9 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
             k: v for k, v in table.get(name, {}).items() if isinstance(v, str)
         }
         for symbol, value in values.items():
-            said = f"{source}, {OPEN}" if f"{name}.{symbol}" in untold else source
+            key = f"{name}.{symbol}"
+            why = (OPEN if key not in intervals else TORN) if key in untold else ""
+            said = f"{source}, {why}" if why else source
             entries[symbol] = _entry(judged.case.joint, name, symbol, value, said, intervals)
         table[name] = entries
     p = nominal.parameters
@@ -74,6 +83,27 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         nominal, parameters=parameters, effects=table, structure=answer.structure,
         drive=answer.drive, found=found_at(judged, untold),
     )  # fmt: skip
+
+
+def _torn(judged: Judgement, scatter: Scatter) -> dict[str, Interval]:
+    """Return the inertias on which predictions and torque disagree, with intervals over both.
+
+    They are drawn apart from the other numbers, as their covariance knows the predictions alone.
+    """
+    model, fit = scatter.spread.model, scatter.spread.fit
+    known, found = scatter.intervals(), {}
+    for index, term in enumerate(model.terms):
+        factors = inertia_by_torque(judged, term)
+        if not factors:
+            continue
+        ratios = [x / model.values(fit.z)[index][0] for x in factors]
+        for k in np.flatnonzero(scatter.slopes[:, model.span(index)].any(axis=1)):
+            name, one = scatter.names[k], known[scatter.names[k]]
+            others = [ratio * one.value for ratio in ratios]
+            if max(others) < one.low or min(others) > one.high:
+                low, high = min(one.low, *others), max(one.high, *others)
+                found[name] = replace(one, low=low, high=high)
+    return found
 
 
 def _same(one: Interval, other: Interval) -> bool:

@@ -168,10 +168,19 @@ def _found_late(
 
 
 def _without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem, Fit]:
-    """Return the problem of one or more records, and its fit without any effect."""
+    """Return the problem of one or more records, and its fit without any effect.
+
+    Raises:
+        FloatingPointError: A stage cannot be predicted one sample ahead.
+    """
     others = tuple(Stages(as_noisy(one, setting)) for one in more)
     problem = Problem.of(Stages(setting, others=others))
     base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    if away := [n for n, ms in base.mean_square.items() if not np.isfinite(ms)]:
+        raise FloatingPointError(
+            f"one sample ahead the nominal {' and '.join(away)} stage runs away, as where it "
+            "resonates above the log's Nyquist frequency"
+        )
     if setting.current_unspecified:
         allow_for_colour(problem.stages, base.mean_square["motor"])
         base = retuned(problem, base)

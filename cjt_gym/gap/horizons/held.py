@@ -1,0 +1,37 @@
+"""What a held output leaves open: whether the joint is slow or its drive."""
+
+from __future__ import annotations
+
+from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.model import body_group
+from cjt_gym.joint import Joint
+
+ALIKE = {"damping": ("current_lag",), "command_delay": ("damping",), "current_lag": ("damping",)}
+"""For each cause of a slow response, the one that looks alike."""
+SWINGS = 0.5
+"""Damping ratio below which a held joint visibly swings."""
+
+
+def slow_alike(name: str, joint: Joint, log: Log) -> tuple[str, ...]:
+    """Return which effect slows a held joint down just as a named one does.
+
+    A joint on a held spring that does not swing answers like a lag, and so does a drive of which
+    only the command was recorded. A swing would show the joint's own damping.
+
+    Args:
+        name: The named effect.
+        joint: The joint with the effects that were found.
+        log: The record.
+    """
+    if not joint.structure_row.output_fixed or log.drive == "i" or _swings(joint):
+        return ()
+    return ALIKE.get(name, ())
+
+
+def _swings(joint: Joint) -> bool:
+    """Return whether the motor swings on the held spring."""
+    p = joint.packed()[0]
+    own = body_group(joint.structure_row, "m")
+    inertia, damping = (sum(float(p[f"{kind}_{b}"][0]) for b in own) for kind in "Id")
+    critical = 2.0 * (inertia * float(p["k_b"][0])) ** 0.5
+    return damping + float(p["d_gl"][0]) < SWINGS * critical
