@@ -17,6 +17,7 @@ FEWEST_VALUES = 20
 """Number of distinct values of a command below which its rounding cannot be evaluated."""
 NEAR_LIMIT = 0.1
 """Least share of the largest current that a record must reach."""
+NO_CURRENT = Unseen("the drive takes a voltage, not a current", "Record the measured current.")
 CHANGES = "Record steps of different sizes in the command, and the measured current."
 
 
@@ -54,6 +55,8 @@ def current_saturation(view: View) -> Verdict:
     """Judge a current limit, which shows where the command exceeds it."""
     if (none := no_command(view)) is not None:
         return none
+    if view.command == "v":
+        return NO_CURRENT
     assert view.command is not None
     known = view.channels[view.command]
     most, limit = max(abs(known.low), abs(known.high)), view.value("i_p")
@@ -67,6 +70,8 @@ def command_quantization(view: View) -> Verdict:
     """Judge a coarse command, which requires many distinct values."""
     if (none := no_command(view)) is not None:
         return none
+    if view.command == "v":
+        return NO_CURRENT
     assert view.command is not None
     known = view.channels[view.command]
     values = len(np.unique(np.round(view.stretches[0][view.command], 12)))
@@ -84,6 +89,8 @@ def command_quantization(view: View) -> Verdict:
 
 
 def _gain(view: View) -> float:
+    if view.command == "v":
+        return view.torque_per_input
     return 1.0 if view.command == "tau_cmd" else view.value("k_t", 1.0) * view.ratio
 
 

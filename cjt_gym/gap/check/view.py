@@ -109,7 +109,8 @@ class View:
     @cached_property
     def command(self) -> str | None:
         """The channel of the command to the drive, or None."""
-        return next((name for name in ("i_cmd", "tau_cmd") if name in self.channels), None)
+        found = next((name for name in ("i_cmd", "tau_cmd") if name in self.channels), None)
+        return found or ("v" if self.drive == "v" else None)
 
     @property
     def cut(self) -> bool:
