@@ -20,7 +20,7 @@ def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
     rows += [
         _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear
     ]
-    heat = Number("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0, shape=True)
+    heat = Number("time_constant", "s", 5.0, 0.8, log=True, low=1.0, high=500.0, shape=True)
     derate = Number("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
     rows.append(
         Candidate(

@@ -11,6 +11,7 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
+from cjt_gym.gap.horizons.held import slow_alike
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.tell import LATE, as_tentative, horizons_of, retold
@@ -76,7 +77,7 @@ def judged(
         return allowed_by(replace(first, unexplained=left), excluded)
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
-        told = _doubted(_cleared(first, found), found)
+        told = _either_slow(_doubted(_cleared(first, found), found), found)
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = allowed_by(retold(first, found, excluded, _title(records[0])), excluded)
     told = _with_elsewhere(told, first, found)
@@ -188,6 +189,17 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()
     told = replace(first.unexplained, share=min(left, 1.0), text=f"{said} {text}".strip())
     return replace(first, verdict="partly_explained", effects=effects, unexplained=told)
+
+
+def _either_slow(first: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis that does not confirm a slow joint where its drive may be the slow one."""
+    effects = []
+    for effect in first.effects:
+        if alike := slow_alike(effect.name, found.joint, found.case.logs[0]):
+            others = tuple(dict.fromkeys((*effect.confusable_with, *alike)))
+            effect = replace(as_tentative(effect), confusable_with=others)
+        effects.append(effect)
+    return replace(first, effects=tuple(effects))
 
 
 def _is_predictable(row: Row) -> bool:
