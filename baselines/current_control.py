@@ -27,8 +27,7 @@ from cjt_gym.joint.drives import get_drive
 def regulate_all(
     p: NDArray[Any],
     drive: int,
-    integrals: Floats,
-    volts: Floats,
+    loops: Floats,
     wanted: Floats,
     currents: Floats,
     dq_m: Floats,
@@ -36,8 +35,7 @@ def regulate_all(
 ) -> None:
     """Do for every joint what `regulate` does for one."""
     for i in range(wanted.shape[0]):
-        i_q, i_d = currents[i, 0], currents[i, 1]
-        regulate(p[0], drive, integrals[i], volts[i], wanted[i], i_q, i_d, dq_m[i], period)
+        regulate(p[0], drive, loops[i], wanted[i], currents[i], dq_m[i], period)
 
 
 @final
@@ -58,7 +56,7 @@ class CurrentController:
     dt: float
     bandwidth_hz: float
     _p: NDArray[Any] = field(init=False, repr=False)
-    _integrals: Floats = field(init=False, repr=False)
+    _loops: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         joint = self.joint
@@ -76,7 +74,7 @@ class CurrentController:
         values = {"bandwidth": self.bandwidth_hz, "rate": 1.0 / self.dt}
         loop = resolve_effects({NAME: values}, joint.file, joint.structure_row, joint.drive)
         self._p, _ = replace(joint, effects={**joint.effects, **loop}).packed()
-        self._integrals = np.zeros((0, 2))
+        self._loops = np.zeros((0, 4))
 
     def act(self, wanted: Floats, currents: Floats, dq_m: Floats, fresh: Mask) -> Floats:
         """Return the voltages [v_q, v_d] until the next sample, within the supply [V], (n, 2).
@@ -91,13 +89,12 @@ class CurrentController:
                 "wanted, dq_m and fresh must have one shape (n,) and currents (n, 2), got "
                 f"{shape}, {dq_m.shape}, {fresh.shape} and {currents.shape}."
             )
-        if self._integrals.shape != currents.shape:
-            self._integrals = np.zeros(currents.shape)
-        self._integrals[fresh] = 0.0
-        volts, drive = np.zeros(currents.shape), get_drive(self.joint.drive)
+        if len(self._loops) != len(wanted):
+            self._loops = np.zeros((len(wanted), 4))
+        self._loops[fresh] = 0.0
         wanted, currents, dq_m = (
             np.ascontiguousarray(x, dtype=np.float64) for x in (wanted, currents, dq_m)
         )
-        integrals = self._integrals
-        regulate_all(self._p, drive, integrals, volts, wanted, currents, dq_m, self.dt)
-        return volts
+        drive = get_drive(self.joint.drive)
+        regulate_all(self._p, drive, self._loops, wanted, currents, dq_m, self.dt)
+        return self._loops[:, 2:].copy()

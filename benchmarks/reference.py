@@ -97,7 +97,7 @@ def kernel_work(plant: SimulatedPlant, torques: Floats) -> Callable[[], int]:
 
     def work() -> int:
         for command in commands:
-            advance_blocks(*parts, command, none, 0, count, 0)
+            advance_blocks(*parts, command, none, (0, count, 0))
         return STEPS * NUM
 
     return work

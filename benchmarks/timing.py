@@ -20,7 +20,7 @@ def seconds(work: Callable[[], int]) -> tuple[float, float]:
 
 
 def ratios(
-    unit: Callable[[], int], works: Mapping[str, Callable[[], int]], rounds: int = ROUNDS
+    unit: Callable[[], int], works: Mapping[str, Callable[[], int]]
 ) -> dict[str, tuple[float, float]]:
     """Return how much less time each takes than a unit, by the processors and by the clock.
 
@@ -30,7 +30,7 @@ def ratios(
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in works}
     for work in (unit, *works.values()):
         work()
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for name, work in works.items():
             before, own, after = seconds(unit), seconds(work), seconds(unit)
             cpu, clock = (0.5 * (a + b) / c for a, b, c in zip(before, after, own, strict=True))

@@ -48,9 +48,8 @@ def step_blocks(address: int, begin: int, end: int, thread: int) -> int:
     if end - begin == blocks.rows.shape[0] and not command_all(control):
         return BAD_ACTION
     for block in range(begin, end):
-        left += advance(
-            batch, setup, kind, blocks, control.commands, task.load, block, block + 1, thread
-        )
+        share = block, block + 1, thread
+        left += advance(batch, setup, kind, blocks, control.commands, task.load, share)
         first = block * WIDTH
         count = min(WIDTH, num - first)
         for lane in range(count):

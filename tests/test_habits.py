@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -93,7 +92,6 @@ def test_the_changelog_is_kept_by_release() -> None:
 
 
 def test_every_room_is_drawn_and_described() -> None:
-    sys.path.append(str(ROOT))  # tools are not installed
     from tools.architecture_page import DRAWING, PAGE, TEXTS, folder_of, rooms
 
     named = [room for layer in rooms() for room in layer]

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from cjt_gym.characteristics import CHARACTERISTICS
 from tools.characteristics_comparison import ROWS, secondary_differences
+from tools.written import with_tables, write_or_check
 
 PAGE = Path(__file__).parents[1] / "docs" / "characteristics.md"
 LEAST = 1e-12
@@ -47,29 +48,11 @@ def bound(difference: float) -> str:
     return f"< 1e{power:d}"
 
 
-TABLES = {"quantities": quantities, "comparison": comparison}
-
-
-def page(text: str) -> str:
-    """Return the page with the tables as they are now."""
-    for name, lines in TABLES.items():
-        begin = f"<!-- {name}: python -m tools.characteristics_page -->\n"
-        before, rest = text.split(begin)
-        after = rest.split("<!-- end -->", 1)[1]
-        text = before + begin + "\n".join(lines()) + "\n<!-- end -->" + after
-    return text
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str] | None = None) -> int:
     """Write the page, or check it."""
-    old = PAGE.read_text(encoding="utf-8")
-    new = page(old)
-    if "--check" in (sys.argv[1:] if arguments is None else arguments):
-        if old != new:
-            sys.stderr.write(f"{PAGE.name} is not what the tables say; run this to write it.\n")
-        return int(old != new)
-    PAGE.write_text(new, encoding="utf-8")
-    return 0
+    tables = {"quantities": "\n".join(quantities()), "comparison": "\n".join(comparison())}
+    tool = "tools.characteristics_page"
+    return write_or_check(tool, PAGE, with_tables(PAGE.read_text("utf-8"), tool, tables), words)
 
 
 if __name__ == "__main__":

@@ -12,12 +12,9 @@ from pathlib import Path
 from cjt_gym.baselines import CONTROLLERS, ControllerEntry
 from cjt_gym.baselines.entry import EVERY, FIXED, SPRUNG, Gain
 from cjt_gym.baselines.parts import PARTS
+from tools.written import with_tables, write_or_check
 
 PAGE = Path(__file__).parents[1] / "docs" / "controllers.md"
-BEGIN = "<!-- table of controllers: python -m tools.controllers_page -->\n"
-END = "<!-- end -->"
-PARTS_BEGIN = "<!-- table of parts: python -m tools.controllers_page -->\n"
-PARTS_END = "<!-- end of parts -->"
 HOLDS = {EVERY: "all five", SPRUNG: "free, fixed", FIXED: "fixed"}
 
 
@@ -32,37 +29,27 @@ def named(gains: Sequence[Gain]) -> str:
     return ", ".join(f"`{g.name}`" + (f" [{g.unit}]" if g.unit != "-" else "") for g in gains)
 
 
+def controllers() -> str:
+    """Return the table of controllers."""
+    head = ["| name | law | gains | holds for | source |", "|---|---|---|---|---|"]
+    return "\n".join([*head, *map(row, CONTROLLERS.values())])
+
+
 def parts() -> str:
     """Return the table of parts."""
-    head = "| part | kind | what it adds | gains | holds for |\n|---|---|---|---|---|\n"
+    head = ["| part | kind | what it adds | gains | holds for |", "|---|---|---|---|---|"]
     rows = (
-        f"| `{p.name}` | {p.kind} | {p.summary} | {named(p.tunable)} | {HOLDS[p.structures]} |\n"
+        f"| `{p.name}` | {p.kind} | {p.summary} | {named(p.tunable)} | {HOLDS[p.structures]} |"
         for p in PARTS.values()
     )
-    return head + "".join(rows)
+    return "\n".join([*head, *rows])
 
 
-def page(text: str) -> str:
-    """Return the page with the table as it is now."""
-    before, rest = text.split(BEGIN)
-    after = rest.split(END)[1]
-    head = "| name | law | gains | holds for | source |\n|---|---|---|---|---|\n"
-    table = head + "\n".join(map(row, CONTROLLERS.values())) + "\n"
-    middle, rest = after.split(PARTS_BEGIN)
-    after = middle + PARTS_BEGIN + parts() + PARTS_END + rest.split(PARTS_END)[1]
-    return before + BEGIN + table + END + after
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str] | None = None) -> int:
     """Write the page, or check it."""
-    old = PAGE.read_text(encoding="utf-8")
-    new = page(old)
-    if "--check" in (sys.argv[1:] if arguments is None else arguments):
-        if old != new:
-            sys.stderr.write(f"{PAGE.name} is not what the table says. Run this without --check.\n")
-        return int(old != new)
-    PAGE.write_text(new, encoding="utf-8")
-    return 0
+    tables = {"table of controllers": controllers(), "table of parts": parts()}
+    tool = "tools.controllers_page"
+    return write_or_check(tool, PAGE, with_tables(PAGE.read_text("utf-8"), tool, tables), words)
 
 
 if __name__ == "__main__":

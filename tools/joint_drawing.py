@@ -10,6 +10,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from tools.written import write_or_check
+
 DRAWING = Path(__file__).resolve().parents[1] / "docs" / "figures" / "joint.svg"
 WIDTH, HEIGHT = 900, 330
 MIDDLE, GROUND = 130, 272
@@ -153,16 +155,9 @@ def _ground() -> str:
     return "\n".join([_path([(begin, GROUND), (end, GROUND)]), *hatch])
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str] | None = None) -> int:
     """Write the drawing, or check it."""
-    new = drawing()
-    if "--check" in (sys.argv[1:] if arguments is None else arguments):
-        old = DRAWING.read_text(encoding="utf-8") if DRAWING.exists() else ""
-        if old != new:
-            sys.stderr.write(f"{DRAWING.name} is another drawing; run this to write it.\n")
-        return int(old != new)
-    DRAWING.write_text(new, encoding="utf-8")
-    return 0
+    return write_or_check("tools.joint_drawing", DRAWING, drawing(), words)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from cjt_gym.canbus.protocols.contract import CHANNELS
 from cjt_gym.canbus.protocols.layout import Field
 from cjt_gym.canbus.protocols.mit import MODELS
 from cjt_gym.canbus.protocols.row import DriveProtocol, Register
+from tools.written import write_or_check
 
 PAGE = Path(__file__).parents[1] / "docs" / "protocols.md"
 HEAD = """# Drive protocols
@@ -218,16 +218,7 @@ def _field(field: Field, named: set[tuple[str, ...]]) -> str:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Write or check the page; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tools.protocols_page", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="fail if the page differs")
-    if parser.parse_args(words).check:
-        if PAGE.read_text(encoding="utf-8") == page():
-            return 0
-        print(f"{PAGE} differs: python -m tools.protocols_page", file=sys.stderr)
-        return 1
-    PAGE.write_text(page(), encoding="utf-8")
-    print(PAGE)
-    return 0
+    return write_or_check("tools.protocols_page", PAGE, page(), words)
 
 
 if __name__ == "__main__":

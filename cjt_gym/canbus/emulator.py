@@ -28,6 +28,7 @@ SUBSTEPS = 2
 WAKE = 1e-3
 """Longest time after which an idle emulator looks at its nodes [s]."""
 AMBIENT = 25.0
+"""Temperature where the joint file gives none for its parameters [deg C]: that of a laboratory."""
 
 
 def emulated_joint(config: HardwareConfig, effects: Any = None) -> Joint:

@@ -15,6 +15,7 @@ from cjt_gym.joint.arrays import Floats
 HEADROOM = 0.6
 """Share of each limit that the nominal joint may reach in an experiment."""
 BACK_OFF, TRIALS = 0.7, 30
+"""An experiment beyond that share shrinks by this factor, so often at most."""
 LOW, HIGH, TONES = 0.5, 60.0, 40
 """Lowest and highest frequency of chirp and multisine [Hz], and its tones."""
 

@@ -84,14 +84,7 @@ def run(options: argparse.Namespace) -> Answer:
     dt_physics = options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9))
     joint = with_current_loop(joint, dt_physics)
     record = simulate(
-        joint,
-        _reference(options, task, joint),
-        task.controller,
-        task.duration,
-        task.dt,
-        dt_physics,
-        options.seed,
-        randomize,
+        joint, _reference(options, task, joint), task, dt_physics, options.seed, randomize
     )
     path = write_record(record, options.out)
     tell_effects(joint)
@@ -171,9 +164,7 @@ def _command(record: Record, joint: Joint) -> Signal:
 def simulate(
     joint: Joint,
     reference: Signal,
-    controller: str,
-    duration: float,
-    dt: float,
+    task: Task,
     dt_physics: float,
     seed: int,
     randomize: Randomization = None,
@@ -183,6 +174,7 @@ def simulate(
     The reference is the wanted joint torque or, with the controller `NONE`, the motor's [N m]. Row
     k holds what was true, measured, wanted and commanded at t = k dt.
     """
+    controller, duration, dt = task.controller, task.duration, task.dt
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
     if duration / dt > MOST_SAMPLES:

@@ -1,14 +1,14 @@
 """The arrays that the kernel works on, and the meaning of their columns and rows.
 
 Compiled functions call things alike: `batch` all joints and `i` one of them, `setup` what they
-share; `p` the parameters of the joint, `memory` what its effects remember, `work` its scratch
-rows; `body` MOTOR, GEAR or LOAD, `which` GEAR_SPRING or BAR, `drive` the number of the drive;
-angles and deflections [rad], `dq` and `rate` velocities [rad/s], `side` the direction of motion,
-+1 or -1, which counts at rest; `tau` the transmitted torque [N m], `load` the load torque [N m]
-or, where the output is fixed, its velocity [rad/s]; `command` on the q axis and `command_d` on
-the d axis, current [A] or voltage [V]; `k` torque per ampere [N m/A], `r` resistance of the
-winding [Ohm]; `h` the substep [s]; `keep` whether to keep a new state of the hysteresis, `held`
-1 to start from the one in memory, 0 to start relaxed.
+share; `joint` one of them while it is stepped, `p` its parameters, `memory` what its effects
+remember, `work` its scratch rows; `body` MOTOR, GEAR or LOAD, `which` GEAR_SPRING or BAR, `drive`
+the number of the drive; angles and deflections [rad], `dq` and `rate` velocities [rad/s], `side`
+the direction of motion, +1 or -1, which counts at rest; `tau` the transmitted torque [N m], `load`
+the load torque [N m] or, where the output is fixed, its velocity [rad/s]; `command` on the q axis
+and `command_d` on the d axis, current [A] or voltage [V]; `k` torque per ampere [N m/A], `r`
+resistance of the winding [Ohm]; `h` the substep [s]; `keep` whether to keep a new state of the
+hysteresis, `held` 1 to start from the one in memory, 0 to start relaxed.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ DRIFT = 17  # zeros of i, q_m, q_g, q_l, tau
 VOLUNTARY = 22  # torque of a person [N m]
 TREMOR = 23  # its tremor, two numbers [N m]
 MESH = 25  # torque that the gear transmits [N m]
-REGULATOR = 26  # integrals of the current controller on q and d axis [A s]
+REGULATOR = 26  # integrals of the current controller on q and d axis [A s]; behind them:
 VOLTS = 28  # voltages at the winding on q and d axis [V]
 MEMORY = 30
 
@@ -80,6 +80,17 @@ class Setup(NamedTuple):
     h: float  # substep [s]
     substeps: int  # substeps per control step
     dt: float  # control step [s]
+
+
+class OneJoint(NamedTuple):
+    """A joint of a batch while it is stepped; row X of `work` is its mechanical state."""
+
+    p: Any  # its parameter record
+    memory: Floats  # what its effects remember
+    ripple: Floats  # rows [f, a, b, kind]
+    currents: Floats  # [i_q, i_d] [A]
+    work: Floats  # scratch rows
+    setup: Setup
 
 
 class Batch(NamedTuple):

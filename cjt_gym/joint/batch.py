@@ -195,7 +195,7 @@ class JointBatch:
         if self.blocks is not None and self.kind is not None:
             mask, count = self.blocks.left, self.blocks.rows.shape[0]
             parts = self.arrays, self.setup, self.kind, self.blocks
-            left = advance_blocks(*parts, commands, load, 0, count, 0)
+            left = advance_blocks(*parts, commands, load, (0, count, 0))
         if left > 0:
             self.step_some(commands, load, mask)
 

@@ -24,10 +24,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import REGULATOR, VOLTS, Floats, Setup
+from cjt_gym.joint.arrays import K_M, R_W, REGULATOR, Floats, OneJoint, Setup
 from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.configure import resolve_effects
-from cjt_gym.joint.drives import CURRENT, DQ, RL, STATIC, circle, clip
+from cjt_gym.joint.drives import CURRENT, DQ, STATIC, applied_volts, circle, clip
 from cjt_gym.joint.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -42,21 +42,15 @@ TYPICAL_RATE, TYPICAL_SHARE = 1e4, 0.05
 
 @lean
 def regulate(
-    p: Any,
-    drive: int,
-    integrals: Floats,
-    volts: Floats,
-    wanted: float,
-    i_q: float,
-    i_d: float,
-    dq_m: float,
-    period: float,
+    p: Any, drive: int, loop: Floats, wanted: float, currents: Floats, dq_m: float, period: float
 ) -> None:
     """Write the voltages [V] until the next sample, and advance the integrals [A s], in place.
 
-    The gains are those that the controller was told, `loop_...` of the parameter record.
+    `loop` holds the integrals on q and d axis, and the voltages on both. The gains are those that
+    the controller was told, `loop_...` of the parameter record.
     """
     w = min(2.0 * math.pi * p.loop_bandwidth, FASTEST / period)
+    i_q, i_d, integrals, volts = currents[0], currents[1], loop[:2], loop[2:]
     inductance = 0.0 if drive == STATIC else p.loop_l_a
     kp, ki, share = w * inductance, w * p.loop_r, 2.0 / 3.0 if drive == DQ else 1.0
     e_q, e_d = clip(wanted, p.i_p) - i_q, -i_d
@@ -87,39 +81,24 @@ def closes(p: Any, setup: Setup) -> bool:
 
 
 @apart
-def regulated_command(
-    p: Any, memory: Floats, setup: Setup, at: int, currents: Floats, command: float, dq_m: float
-) -> tuple[float, float]:
+def regulated_command(joint: OneJoint, at: int, command: float, dq_m: float) -> tuple[float, float]:
     """Return the voltages (v_q, v_d) of substep `at` since the reset; sample when it is due."""
+    p, setup = joint.p, joint.setup
     every = substeps_per_sample(p, setup)
-    volts = memory[VOLTS : VOLTS + 2]
+    loop = joint.memory[REGULATOR : REGULATOR + 4]
     if at % every == 0:
-        integrals, period = memory[REGULATOR : REGULATOR + 2], every * setup.h
-        regulate(p, setup.drive, integrals, volts, command, currents[0], currents[1], dq_m, period)
-    return volts[0], volts[1]
+        regulate(p, setup.drive, loop, command, joint.currents, dq_m, every * setup.h)
+    return loop[2], loop[3]
 
 
 @apart
 def terminal_volts(
-    p: Any,
-    k: float,
-    r: float,
-    drive: int,
-    currents: Floats,
-    command: float,
-    command_d: float,
-    is_voltage: bool,
-    dq_m: float,
+    joint: OneJoint, command: float, command_d: float, dq_m: float
 ) -> tuple[float, float]:
     """Return the voltages (v_q, v_d) at the winding, whatever makes them [V]."""
-    if drive == STATIC:
-        return r * currents[0] + k * dq_m, 0.0
-    if drive == RL:
-        return clip(command if is_voltage else r * command + k * dq_m, p.v_0), 0.0
-    if is_voltage:
-        return circle(command, command_d, p.v_0)
-    v_d = -p.p * p.n * dq_m * p.l_a * command
-    return circle(r * command + 2.0 / 3.0 * k * dq_m, v_d, p.v_0)
+    if joint.setup.drive == STATIC:
+        return joint.memory[R_W] * joint.currents[0] + joint.memory[K_M] * dq_m, 0.0
+    return applied_volts(joint, command, command_d, dq_m)
 
 
 def with_current_loop(joint: Joint, dt_physics: float) -> Joint:

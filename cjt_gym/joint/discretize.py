@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint.compiled import apart, lean
-from cjt_gym.joint.springs import BAR, has_play
+from cjt_gym.joint.springs import BAR, has_play, linear_spring
 
 Matrix = NDArray[np.float64]
 MAX_ORDER = 6  # three bodies, each with an angle and a velocity
@@ -93,25 +93,18 @@ def _fill(p: Any, groups: tuple[int, int, int], h: float, order: int, size: int,
         if groups[2] == g:
             rate += p.d_l
         x[velocity + g, velocity + g] = -rate * h / _mass(p, groups, g)
-    _spring(p, groups, 0, p.k_g, p.d_mg, h, velocity, size, x)
-    _spring(p, groups, 1, p.k_b, p.d_gl, h, velocity, size, x)
+    for which in range(2):
+        _spring(p, groups, which, h, velocity, size, x)
 
 
 @lean
 def _spring(
-    p: Any,
-    groups: tuple[int, int, int],
-    which: int,
-    k: float,
-    d: float,
-    h: float,
-    velocity: int,
-    size: int,
-    x: Matrix,
+    p: Any, groups: tuple[int, int, int], which: int, h: float, velocity: int, size: int, x: Matrix
 ) -> None:
     """Add a spring and damper behind body `which`; q_l stands behind z where it is prescribed."""
     if groups[which] == groups[which + 1] or has_play(p, groups, which):
         return
+    k, d = linear_spring(p, which)
     for side in range(2):
         here, there = groups[which + side], groups[which + 1 - side]
         if here < 0:

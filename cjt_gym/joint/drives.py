@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import check_name
-from cjt_gym.joint.arrays import LAGGED, REFERENCE
+from cjt_gym.joint.arrays import K_M, LAGGED, R_W, REFERENCE, OneJoint
 from cjt_gym.joint.compiled import apart, lean
 
 CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
@@ -80,85 +80,77 @@ def circle(v_q: float, v_d: float, limit: float) -> tuple[float, float]:
 
 
 @lean
+def applied_volts(
+    joint: OneJoint, command: float, command_d: float, dq_m: float
+) -> tuple[float, float]:
+    """Return the voltages (v_q, v_d) that a drive with inductance applies [V].
+
+    A torque command asks for i_d = 0. The voltage vector is limited to the circle of radius v_0.
+    """
+    p, k, r = joint.p, joint.memory[K_M], joint.memory[R_W]
+    is_voltage = joint.setup.is_voltage
+    if joint.setup.drive == RL:
+        return clip(command if is_voltage else r * command + k * dq_m, p.v_0), 0.0
+    if is_voltage:
+        return circle(command, command_d, p.v_0)
+    speed = p.p * p.n * dq_m
+    v_d = -speed * p.l_a * command
+    return circle(r * command + induced(p, k, dq_m), v_d, p.v_0)
+
+
+@lean
+def induced(p: Any, k: float, dq_m: float) -> float:
+    """Return the voltage that the magnets induce on the q axis [V], p w lam of `advance_dq`."""
+    return float(p.p * p.n * dq_m * (2.0 / 3.0) * k / (p.n * p.p))
+
+
+@lean
 def advance_rl(
-    p: Any,
-    k: float,
-    r: float,
-    current: float,
-    command: float,
-    is_voltage: bool,
-    dq_m: float,
-    h: float,
+    p: Any, k: float, r: float, current: float, voltage: float, dq_m: float, h: float
 ) -> float:
     """Return the phase current after h [s] at constant speed, exactly.
 
     The drive's protection holds the current within +- i_p.
     """
-    voltage = clip(command if is_voltage else r * command + k * dq_m, p.v_0)
     final = (voltage - k * dq_m) / r
     return clip(final + (current - final) * math.exp(-r * h / p.l_a), p.i_p)
 
 
 @lean
 def advance_dq(
-    p: Any,
-    k: float,
-    r: float,
-    i_q: float,
-    i_d: float,
-    command_q: float,
-    command_d: float,
-    is_voltage: bool,
-    dq_m: float,
-    h: float,
+    p: Any, k: float, r: float, current: complex, voltage: complex, dq_m: float, h: float
 ) -> tuple[float, float]:
     """Return the currents (i_q, i_d) after h [s] at constant speed, exactly.
 
         l_a di_q/dt = v_q - r i_q - p w (l_a i_d + lam)
         l_a di_d/dt = v_d - r i_d + p w l_a i_q,     w = n dq_m, lam = (2/3) k / (n p)
 
-    which for z = i_q + j i_d is dz/dt = (-r / l_a + j p w) z + u. A torque command asks for
-    i_d = 0. The voltage vector is limited to the circle of radius v_0 and the current vector
-    to that of radius i_p.
+    which for the current z = i_q + j i_d is dz/dt = (-r / l_a + j p w) z + u, with u from the
+    voltage v_q + j v_d. The current vector is limited to the circle of radius i_p.
 
     References:
         Sue, Pan (2008), IEEE Transactions on Industrial Electronics 55(1).
     """
-    speed = p.p * p.n * dq_m
-    emf = speed * (2.0 / 3.0) * k / (p.n * p.p)
-    if is_voltage:
-        v_q, v_d = command_q, command_d
-    else:
-        v_q, v_d = r * command_q + emf, -speed * p.l_a * command_q
-    v_q, v_d = circle(v_q, v_d, p.v_0)
-    rate = complex(-r / p.l_a, speed)
-    drive = complex((v_q - emf) / p.l_a, v_d / p.l_a)
+    rate = complex(-r / p.l_a, p.p * p.n * dq_m)
+    drive = complex((voltage.real - induced(p, k, dq_m)) / p.l_a, voltage.imag / p.l_a)
     decay = math.exp(rate.real * h)
     turn = complex(decay * math.cos(rate.imag * h), decay * math.sin(rate.imag * h))
-    z = turn * complex(i_q, i_d) + (turn - 1.0) / rate * drive
+    z = turn * current + (turn - 1.0) / rate * drive
     return circle(z.real, z.imag, p.i_p)
 
 
 @apart
 def advance_currents(
-    p: Any,
-    k: float,
-    r: float,
-    drive: int,
-    currents: NDArray[np.float64],
-    command: float,
-    command_d: float,
-    is_voltage: bool,
-    dq_m: float,
-    h: float,
+    joint: OneJoint, command: float, command_d: float, dq_m: float, h: float
 ) -> None:
     """Advance the currents [i_q, i_d] of a drive with inductance by h [s], in place."""
-    if drive == RL:
-        currents[0] = advance_rl(p, k, r, currents[0], command, is_voltage, dq_m, h)
-    elif drive == DQ:
-        currents[0], currents[1] = advance_dq(
-            p, k, r, currents[0], currents[1], command, command_d, is_voltage, dq_m, h
-        )
+    p, k, r, currents = joint.p, joint.memory[K_M], joint.memory[R_W], joint.currents
+    v_q, v_d = applied_volts(joint, command, command_d, dq_m)
+    if joint.setup.drive == RL:
+        currents[0] = advance_rl(p, k, r, currents[0], v_q, dq_m, h)
+    else:
+        z, v = complex(currents[0], currents[1]), complex(v_q, v_d)
+        currents[0], currents[1] = advance_dq(p, k, r, z, v, dq_m, h)
 
 
 @lean

@@ -26,8 +26,9 @@ from cjt_gym.joint.arrays import (
     SIGMA,
     UP,
     Floats,
+    OneJoint,
 )
-from cjt_gym.joint.compiled import apart, lean
+from cjt_gym.joint.compiled import apart, inlined, lean
 
 MOTOR, GEAR, LOAD = 0, 1, 2
 LEAST = 1e-9  # level below which there is no friction [N m]
@@ -127,22 +128,28 @@ def sliding_friction(
 
 @apart
 def bristles(
-    p: Any, work: Floats, body: int, z: float, dq: float, side: float, tau: float, h: float
+    sigma: tuple[float, float],
+    level: tuple[float, float],
+    z: float,
+    dq: float,
+    side: float,
+    h: float,
 ) -> tuple[float, float, float]:
     """Advance the bristles of a body at constant velocity over h [s], exactly.
 
         dz/dt = dq - sigma_0 |dq| z / g(dq),     torque = sigma_0 z + sigma_1 dz/dt
 
-    Returned are the mean torque over h [N m], its slope over velocity [N m s/rad] and the new
-    deflection; the torque is the mean so that its work is that of the continuous law, which
-    is passive for sigma_1 <= 4 g / |dq|; a larger one is limited to that.
+    `sigma` holds sigma_0 and sigma_1, `level` g and its slope. Returned are the mean torque over h
+    [N m], its slope over velocity [N m s/rad] and the new deflection; the torque is the mean so
+    that its work is that of the continuous law, which is passive for sigma_1 <= 4 g / |dq|; a
+    larger one is limited to that.
 
     References:
         Canudas de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Transactions on Automatic
         Control 40(3); Barahanov, Ortega (2000), IEEE Transactions on Automatic Control 45(4).
     """
-    stiffness = work[BODY + body, SIGMA]
-    g, falling = level(p, work, body, dq, side, tau)
+    stiffness, damping = sigma
+    g, falling = level
     if g <= LEAST:
         return 0.0, 0.0, 0.0
     a = stiffness * abs(dq) * h / g
@@ -157,7 +164,6 @@ def bristles(
     new = final + (z - final) * decay
     torque = stiffness * (final + (z - final) * mean)
     slope = stiffness * (final_slope * (1.0 - mean) + (z - final) * mean_slope * rise)
-    damping = p.sigma_1
     if damping * abs(dq) > 4.0 * g:
         damping = 4.0 * g / abs(dq)
     if damping > 0.0:
@@ -166,28 +172,32 @@ def bristles(
     return torque, slope, new
 
 
-@lean
-def friction(
-    p: Any, memory: Floats, work: Floats, body: int, dq: float, side: float, h: float
-) -> tuple[float, float]:
-    """Return the mean friction of a body at constant velocity over h [s], and its slope.
+@inlined
+def own_bristles(joint: OneJoint, body: int, dq: float, side: float) -> tuple[float, float, float]:
+    """Return what `bristles` does over a substep, from the deflection and torque in memory."""
+    memory = joint.memory
+    sigma = joint.work[BODY + body, SIGMA], joint.p.sigma_1
+    dry = level(joint.p, joint.work, body, dq, side, memory[MESH])
+    return bristles(sigma, dry, memory[BRISTLE + body], dq, side, joint.setup.h)
 
-    The memory holds the bristles' deflections and the transmitted torque.
-    """
+
+@inlined
+def friction(joint: OneJoint, body: int, dq: float, side: float) -> tuple[float, float]:
+    """Return the mean friction of a body at constant velocity over a substep, and its slope."""
+    work = joint.work
     if work[BODY + body, LAW] != BRISTLES:
-        return sliding_friction(p, work, body, dq, side, memory[MESH])
-    z = memory[BRISTLE + body]
-    torque, slope, _ = bristles(p, work, body, z, dq, side, memory[MESH], h)
+        return sliding_friction(joint.p, work, body, dq, side, joint.memory[MESH])
+    torque, slope, _ = own_bristles(joint, body, dq, side)
     if dq < 0.0:
         torque += work[BODY + body, EXTRA] * dq
         slope += work[BODY + body, EXTRA]
     return torque, slope
 
 
-@lean
-def dry_level(p: Any, memory: Floats, work: Floats, body: int, side: float) -> float:
+@inlined
+def dry_level(joint: OneJoint, body: int, side: float) -> float:
     """Return the set-valued friction that can hold a body at rest [N m]; 0 with bristles."""
-    if work[BODY + body, LAW] == BRISTLES:
+    if joint.work[BODY + body, LAW] == BRISTLES:
         return 0.0
-    g, _ = level(p, work, body, 0.0, side, memory[MESH])
+    g, _ = level(joint.p, joint.work, body, 0.0, side, joint.memory[MESH])
     return g

@@ -15,7 +15,6 @@ coordinate that settles at v = 0 keeps its position exactly and comes to rest.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from cjt_gym.joint.arrays import (
     ACTIVE,
@@ -31,10 +30,10 @@ from cjt_gym.joint.arrays import (
     SPRING_ON,
     SPRING_SLOPE,
     Floats,
-    Setup,
+    OneJoint,
     X,
 )
-from cjt_gym.joint.compiled import apart, lean
+from cjt_gym.joint.compiled import apart, inlined, lean
 from cjt_gym.joint.resistance import (
     FREELY,
     PLAINLY,
@@ -58,14 +57,7 @@ SOLVED = 1e-9  # change of speed in the last sweep [rad/s]
 
 @lean
 def settle(
-    p: Any,
-    memory: Floats,
-    setup: Setup,
-    work: Floats,
-    g: int,
-    command: float,
-    w: float,
-    target: float,
+    joint: OneJoint, g: int, command: float, w: float, target: float
 ) -> tuple[float, float, bool]:
     """Solve v + w R(v) = target for one coordinate.
 
@@ -77,15 +69,15 @@ def settle(
         The mean velocity v [rad/s], R(v) [N m], and whether it was found; v is exactly zero where
         the resistance holds the coordinate.
     """
-    up, _ = resistance(p, memory, setup, work, g, command, 0.0, 1.0)
-    down, _ = resistance(p, memory, setup, work, g, command, 0.0, -1.0)
+    up, _ = resistance(joint, g, command, 0.0, 1.0)
+    down, _ = resistance(joint, g, command, 0.0, -1.0)
     if w * down <= target <= w * up:
         return 0.0, target / w, True
     side = 1.0 if target > w * up else -1.0
-    v = side * max(0.0, side * target - w * dry_sum(p, memory, work, setup.groups, g, side))
+    v = side * max(0.0, side * target - w * dry_sum(joint, g, side))
     low, high, error = 0.0, math.inf, math.inf
     for _ in range(ITERATIONS):
-        torque, slope = resistance(p, memory, setup, work, g, command, v, side)
+        torque, slope = resistance(joint, g, command, v, side)
         rest = v + w * torque - target
         if rest * side < 0.0:
             low = abs(v)
@@ -103,7 +95,7 @@ def settle(
 
 @lean
 def stretch(
-    p: Any, memory: Floats, setup: Setup, which: int, start: float, w: float, target: float
+    joint: OneJoint, which: int, start: float, w: float, target: float
 ) -> tuple[float, float, bool]:
     """Solve u + w T(u) = target for the rate u of one spring and its added torque T.
 
@@ -113,10 +105,11 @@ def stretch(
     Returns:
         The rate u [rad/s], T(u) [N m], and whether it was found.
     """
+    p, memory, setup = joint.p, joint.memory, joint.setup
     u = target
     low, high, error = -math.inf, math.inf, math.inf
     for _ in range(ITERATIONS):
-        torque, slope = added_torque(p, memory, setup.groups, which, start, u, setup.h, False)
+        torque, slope = added_torque(p, memory, setup, which, start, u, False)
         rest = u + w * torque - target
         if rest < 0.0:
             low = max(low, u)
@@ -155,19 +148,18 @@ def eliminate(work: Floats, n: int) -> bool:
     return True
 
 
-@lean
-def search(
-    p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
-) -> bool:
+@inlined
+def search(joint: OneJoint, b: Floats, command: float, load: float) -> bool:
     """Try Newton's method from the mean velocities of the substep before.
 
     Returns:
         Whether it converged; then rows SPEED, RESIST and SPRING hold the solution.
     """
+    p, memory, setup, work = joint.p, joint.memory, joint.setup, joint.work
     size = setup.size
     for g in range(size):
         work[SPEED, g] = work[GUESS, g] if work[ACTIVE, g] != FREELY else work[FREE_SPEED, g]
-        work[MODE, g] = guessed_mode(p, memory, setup, work, g)
+        work[MODE, g] = guessed_mode(joint, g)
     for _ in range(NEWTON):
         for g in range(size):
             work[REST, g] = work[SPEED, g] - work[FREE_SPEED, g]
@@ -185,9 +177,9 @@ def search(
                 if work[MODE, other] != SMOOTH:
                     side = work[MODE, other]
                 if work[ACTIVE, other] == PLAINLY:
-                    torque, slope = plain_resistance(p, setup, work, other, v, side)
+                    torque, slope = plain_resistance(joint, other, v, side)
                 else:
-                    torque, slope = resistance(p, memory, setup, work, other, command, v, side)
+                    torque, slope = resistance(joint, other, command, v, side)
                 work[RESIST, other], work[SLOPE, other] = torque, slope
                 for g in range(size):
                     w = b[g, 2 + other] / setup.h
@@ -196,10 +188,8 @@ def search(
         for which in range(2):
             if work[SPRING_ON, which] == 1.0:
                 one, other = setup.groups[which], setup.groups[which + 1]
-                start, rate = deflection(setup, which, load, work, SPEED)
-                torque, slope = added_torque(
-                    p, memory, setup.groups, which, start, rate, setup.h, False
-                )
+                start, rate = deflection(joint, which, load, SPEED)
+                torque, slope = added_torque(p, memory, setup, which, start, rate, False)
                 work[SPRING, which], work[SPRING_SLOPE, which] = torque, slope
                 for g in range(size):
                     w = mobility(setup, b, g, which)
@@ -228,7 +218,7 @@ def search(
                 work[SPRING, which] -= work[SPRING_SLOPE, which] * change
         if not largest < FASTEST:
             return False
-        if changes_mode(p, memory, setup, work, command):
+        if changes_mode(joint, command):
             continue
         if largest <= 1e-10 + 1e-7 * p.dq_0:
             return True
@@ -236,31 +226,26 @@ def search(
 
 
 @lean
-def guessed_mode(p: Any, memory: Floats, setup: Setup, work: Floats, g: int) -> float:
+def guessed_mode(joint: OneJoint, g: int) -> float:
     """Return whether sharp friction holds coordinate g, as in the substep before."""
-    if (
-        p.dq_0 > 0.0
-        or dry_sum(p, memory, work, setup.groups, g, 1.0)
-        + dry_sum(p, memory, work, setup.groups, g, -1.0)
-        == 0.0
-    ):
+    if joint.p.dq_0 > 0.0 or dry_sum(joint, g, 1.0) + dry_sum(joint, g, -1.0) == 0.0:
         return SMOOTH
-    v = work[SPEED, g]
+    v = joint.work[SPEED, g]
     if v == 0.0:
         return HELD
     return 1.0 if v > 0.0 else -1.0
 
 
 @lean
-def changes_mode(p: Any, memory: Floats, setup: Setup, work: Floats, command: float) -> bool:
+def changes_mode(joint: OneJoint, command: float) -> bool:
     """Release bodies that friction cannot hold, and hold those that would slide backwards."""
-    changed = False
-    for g in range(setup.size):
+    work, changed = joint.work, False
+    for g in range(joint.setup.size):
         if work[MODE, g] == SMOOTH:
             continue
         if work[MODE, g] == HELD:
-            up, _ = resistance(p, memory, setup, work, g, command, 0.0, 1.0)
-            down, _ = resistance(p, memory, setup, work, g, command, 0.0, -1.0)
+            up, _ = resistance(joint, g, command, 0.0, 1.0)
+            down, _ = resistance(joint, g, command, 0.0, -1.0)
             if work[RESIST, g] > up:
                 work[MODE, g], changed = 1.0, True
             elif work[RESIST, g] < down:
@@ -271,10 +256,9 @@ def changes_mode(p: Any, memory: Floats, setup: Setup, work: Floats, command: fl
 
 
 @apart
-def descend(
-    p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
-) -> bool:
+def descend(joint: OneJoint, b: Floats, command: float, load: float) -> bool:
     """Solve for one coordinate or spring after the other; return whether that converged."""
+    setup, work = joint.setup, joint.work
     work[RESIST, :] = 0.0
     work[SPRING, :] = 0.0
     change, found = 0.0, True
@@ -284,8 +268,8 @@ def descend(
             if work[ACTIVE, g] == FREELY:
                 continue
             w = b[g, 2 + g] / setup.h
-            target = reached(setup, b, work, g) + w * work[RESIST, g]
-            v, torque, good = settle(p, memory, setup, work, g, command, w, target)
+            target = reached(joint, b, g) + w * work[RESIST, g]
+            v, torque, good = settle(joint, g, command, w, target)
             found = found and good
             change = max(change, abs(torque - work[RESIST, g]) * w - 1e-13 * abs(target))
             work[SPEED, g], work[RESIST, g] = v, torque
@@ -293,16 +277,16 @@ def descend(
             if work[SPRING_ON, which] == 0.0:
                 continue
             one, other = setup.groups[which], setup.groups[which + 1]
-            w, target = mobility(setup, b, one, which), reached(setup, b, work, one)
+            w, target = mobility(setup, b, one, which), reached(joint, b, one)
             if other >= 0:
                 w -= mobility(setup, b, other, which)
-                target -= reached(setup, b, work, other)
+                target -= reached(joint, b, other)
                 start = work[X, one] - work[X, other]
             else:
                 target -= load
                 start = work[X, one] - work[X, setup.size]
             target += w * work[SPRING, which]
-            _, torque, good = stretch(p, memory, setup, which, start, w, target)
+            _, torque, good = stretch(joint, which, start, w, target)
             found = found and good
             change = max(change, abs(torque - work[SPRING, which]) * w - 1e-13 * abs(target))
             work[SPRING, which] = torque
@@ -312,8 +296,9 @@ def descend(
 
 
 @lean
-def reached(setup: Setup, b: Floats, work: Floats, g: int) -> float:
+def reached(joint: OneJoint, b: Floats, g: int) -> float:
     """Return the mean velocity of coordinate g under the torques found so far."""
+    setup, work = joint.setup, joint.work
     v = work[FREE_SPEED, g]
     for other in range(setup.size):
         v -= b[g, 2 + other] / setup.h * work[RESIST, other]
@@ -324,12 +309,9 @@ def reached(setup: Setup, b: Floats, work: Floats, g: int) -> float:
 
 
 @lean
-def resist(
-    p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
-) -> bool:
+def resist(joint: OneJoint, b: Floats, command: float, load: float) -> bool:
     """Find mean velocities and resisting torques from the free ones; return whether it could."""
-    found = search(p, memory, setup, b, command, load, work)
-    found = found or descend(p, memory, setup, b, command, load, work)
-    for g in range(setup.size):
-        work[GUESS, g] = work[SPEED, g]
+    found = search(joint, b, command, load) or descend(joint, b, command, load)
+    for g in range(joint.setup.size):
+        joint.work[GUESS, g] = joint.work[SPEED, g]
     return found

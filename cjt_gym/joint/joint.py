@@ -20,6 +20,7 @@ from cjt_gym.joint.arrays import (
     LAGGED,
     LAW,
     REFERENCE,
+    SIGMA,
     WORK_ROWS,
     WORK_WIDTH,
     Floats,
@@ -35,7 +36,7 @@ from cjt_gym.joint.configure import (
 )
 from cjt_gym.joint.drives import DRIVES, get_drive
 from cjt_gym.joint.files import JointFile, load_joint_file
-from cjt_gym.joint.friction import BRISTLES, LOAD, bristles, note_friction, sliding_friction
+from cjt_gym.joint.friction import BRISTLES, LOAD, bristles, level, note_friction, sliding_friction
 from cjt_gym.joint.kernel import simulate
 from cjt_gym.joint.load_forces import contact_torque
 from cjt_gym.joint.outside import frequency_of, is_told, tell_outside
@@ -231,7 +232,9 @@ class Joint:
         for body, dq in enumerate(batch.arrays.state[0, 3:6]):
             if work[BODY + body, LAW] == BRISTLES:
                 side = float(np.sign(dq)) or 1.0
-                bent = bristles(p, work, body, 0.0, dq, side, 0.0, BEFORE)
+                sigma = float(work[BODY + body, SIGMA]), float(p.sigma_1)
+                dry = level(p, work, body, dq, side, 0.0)
+                bent = bristles(sigma, dry, 0.0, dq, side, BEFORE)
                 batch.arrays.memory[0, BRISTLE + body] = bent[2]
 
     def _commands(self, tau_m: ArrayLike | None, voltage: ArrayLike | None) -> Floats:

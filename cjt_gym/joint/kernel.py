@@ -17,7 +17,6 @@ from cjt_gym.joint.arrays import (
     LOOPS,
     MEMORY,
     MESHES,
-    R_W,
     REMEMBERS,
     RESISTS,
     RIPPLE,
@@ -30,6 +29,7 @@ from cjt_gym.joint.arrays import (
     WORK_WIDTH,
     Batch,
     Floats,
+    OneJoint,
     Setup,
     X,
 )
@@ -56,8 +56,9 @@ LARGEST = 1e12
 
 
 @lean
-def throw_switches(p: Any, ripple: Floats, setup: Setup, work: Floats) -> None:
+def throw_switches(joint: OneJoint) -> None:
     """Determine what the substeps have to do, so that inactive effects cost nothing."""
+    p, ripple, work, setup = joint.p, joint.ripple, joint.work, joint.setup
     for column in range(UNSOLVED + 1):
         work[SWITCH, column] = 0.0
     if not setup.is_voltage and (p.current_rate > 0.0 or p.current_bandwidth > 0.0):
@@ -101,8 +102,8 @@ def control_step(
     """
     if not math.isfinite(command + command_d + load):
         return False
-    p, memory = batch.p[i], batch.memory[i]
-    ripple, a, b, currents = batch.ripple[i], batch.a[i], batch.b[i], batch.currents[i]
+    p, memory, ripple, currents = batch.p[i], batch.memory[i], batch.ripple[i], batch.currents[i]
+    joint, a, b = OneJoint(p, memory, ripple, currents, work, setup), batch.a[i], batch.b[i]
     depth, k = batch.commands.shape[1], batch.samples[i]
     commands, out = batch.commands[i], batch.outputs[i, (k + 1) % depth]
     commands[k % depth, 0] = condition_command(batch, setup, i, command)
@@ -113,48 +114,36 @@ def control_step(
         warm(p, memory, currents, setup.dt)
     load_state(setup, batch.state[i], work[X])
     work[RIPPLE, :] = 0.0
-    prepare(p, memory, setup, commands[k % depth, 0], load, work)
-    throw_switches(p, ripple, setup, work)
-    tau, is_closed, inner = batch.tau[i], closes(p, setup), setup
+    prepare(joint, commands[k % depth, 0], load)
+    throw_switches(joint)
+    tau, is_closed, inner = batch.tau[i], closes(p, setup), joint
     shapes = is_closed and work[SWITCH, SHAPES] == 1.0
     if is_closed:
-        inner = under_voltage(setup)
+        inner = OneJoint(p, memory, ripple, currents, work, under_voltage(setup))
         work[SWITCH, SHAPES] = 0.0
     motor = setup.order - setup.size + setup.groups[0]
     wanted, wanted_d = 0.0, 0.0
     for s in range(setup.substeps):
         if is_late:
-            take_snapshot(p, memory, setup, s, currents, tau, load, out, batch.snapshot[i], work)
+            take_snapshot(joint, s, tau, load, out, batch.snapshot[i])
         at = (k - late - (1 if s < late_sub else 0)) % depth
         wanted, wanted_d = commands[at, 0], commands[at, 1]
         if is_closed:
             if shapes:
                 wanted = shaped_command(p, memory, wanted, setup.h)
             now, dq_m = k * setup.substeps + s, work[X, motor]
-            wanted, wanted_d = regulated_command(p, memory, setup, now, currents, wanted, dq_m)
+            wanted, wanted_d = regulated_command(joint, now, wanted, dq_m)
         if work[SWITCH, LINEAR] == 1.0:
-            linear_substep(p, memory, a, b, setup, currents, wanted, load, work)
+            linear_substep(joint, a, b, wanted, load)
         else:
-            tau = careful_substep(
-                p, memory, ripple, a, b, inner, currents, wanted, wanted_d, load, work
-            )
+            tau = careful_substep(inner, a, b, wanted, wanted_d, load)
     if setup.drive != CURRENT and not is_closed:
-        memory[VOLTS], memory[VOLTS + 1] = terminal_volts(
-            p,
-            memory[K_M],
-            memory[R_W],
-            setup.drive,
-            currents,
-            wanted,
-            wanted_d,
-            setup.is_voltage,
-            work[X, motor],
-        )
+        memory[VOLTS], memory[VOLTS + 1] = terminal_volts(joint, wanted, wanted_d, work[X, motor])
     for j in range(setup.order):
         if not abs(work[X, j]) < LARGEST:
             return False
     store_state(setup, work[X], load, batch.state[i])
-    write_channels(p, memory, setup, work[X], currents, tau, load, out)
+    write_channels(joint, tau, load, out)
     batch.tau[i] = out[TAU]
     if is_late:
         for channel in range(8):
@@ -173,6 +162,7 @@ inlined_step: Any = inlined(FunctionType(control_step.__code__, globals(), "inli
 def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> None:
     """Fill the memory of joint i from its state, with the drive at rest, and measure."""
     p, memory = batch.p[i], batch.memory[i]
+    joint = OneJoint(p, memory, batch.ripple[i], batch.currents[i], work, setup)
     for j in range(MEMORY):  # behind it lies the table of the bar
         memory[j] = 0.0
     cool(p, memory)
@@ -182,8 +172,7 @@ def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> No
     load_state(setup, batch.state[i], work[X])
     store_state(setup, work[X], load, batch.state[i])
     for d in range(batch.outputs.shape[1]):
-        out = batch.outputs[i, d]
-        write_channels(p, memory, setup, work[X], batch.currents[i], 0.0, load, out)
+        write_channels(joint, 0.0, load, batch.outputs[i, d])
     batch.tau[i] = batch.outputs[i, 0, TAU]
     measure(batch, setup, i, True, False, work)
 

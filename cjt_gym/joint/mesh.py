@@ -23,6 +23,7 @@ from cjt_gym.joint.arrays import (
     SPRING_ON,
     UNFORCED,
     Floats,
+    OneJoint,
     Setup,
     X,
 )
@@ -32,7 +33,7 @@ from cjt_gym.joint.implicit_solver import resist
 from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.resistance import dry_sum, resistance, shift
 from cjt_gym.joint.ripple import GEAR, KIND, ripple_torque
-from cjt_gym.joint.springs import BAR, GEAR_SPRING, has_play, is_nonlinear
+from cjt_gym.joint.springs import BAR, GEAR_SPRING, has_play, is_nonlinear, linear_spring
 
 PASSES = 40  # in every fourth a bracket is halved
 SETTLED, LEAST = 1e-9, 1e-9  # error of the transmitted torque, relative and in [N m]
@@ -64,49 +65,47 @@ def loops(p: Any, ripple: Floats, setup: Setup) -> bool:
 
 
 @lean
-def held_friction(p: Any, memory: Floats, setup: Setup, command: float, work: Floats) -> float:
+def held_friction(joint: OneJoint, command: float) -> float:
     """Return the load's part in the dry friction that holds a rigid joint at rest [N m].
 
     Friction at rest is known only as a sum; the bodies share it in proportion to their levels.
     """
-    rest, _ = resistance(p, memory, setup, work, 0, command, 0.0, 1.0)
-    hold = work[RESIST, 0] - rest + dry_sum(p, memory, work, setup.groups, 0, 1.0)
+    rest, _ = resistance(joint, 0, command, 0.0, 1.0)
+    hold = joint.work[RESIST, 0] - rest + dry_sum(joint, 0, 1.0)
     side = 1.0 if hold >= 0.0 else -1.0
-    own = dry_level(p, memory, work, LOAD, side)
+    own = dry_level(joint, LOAD, side)
     if own == 0.0:
-        drag, _ = friction(p, memory, work, LOAD, 0.0, side, setup.h)
+        drag, _ = friction(joint, LOAD, 0.0, side)
         return float(drag)
-    return float(hold * own / dry_sum(p, memory, work, setup.groups, 0, side))
+    return float(hold * own / dry_sum(joint, 0, side))
 
 
 @apart
-def rigid_torque(
-    p: Any, memory: Floats, setup: Setup, command: float, load: float, v: float, work: Floats
-) -> float:
+def rigid_torque(joint: OneJoint, command: float, load: float, v: float) -> float:
     """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
+    p, work, h = joint.p, joint.work, joint.setup.h
     if v == 0.0 and p.dq_0 == 0.0:
-        drag = held_friction(p, memory, setup, command, work)
+        drag = held_friction(joint, command)
     else:
-        drag, _ = friction(p, memory, work, LOAD, v, 1.0 if v >= 0.0 else -1.0, setup.h)
+        drag, _ = friction(joint, LOAD, v, 1.0 if v >= 0.0 else -1.0)
     if has_load_force(p):
-        against, _ = load_force(p, work[X, 0], v, setup.h)
+        against, _ = load_force(p, work[X, 0], v, h)
         drag += against
-    acceleration = (work[FREE, 1] - work[X, 1]) / setup.h
+    acceleration = (work[FREE, 1] - work[X, 1]) / h
     return float(p.I_l * acceleration + p.d_l * v + drag - load)
 
 
 @lean
-def mesh_torque(p: Any, setup: Setup, work: Floats) -> float:
+def mesh_torque(joint: OneJoint) -> float:
     """Return the torque that a gear with a spring transmits, averaged over the substep [N m].
 
     Row FREE holds the motion, row SPRING what the springs add to their linear torques: both as they
     are, or as predicted by the substep before.
     """
-    one, other, which = setup.groups[0], setup.groups[1], 0
-    stiffness, damping = p.k_g, p.d_mg
+    work, setup = joint.work, joint.setup
+    one, other, which = setup.groups[0], setup.groups[1], GEAR_SPRING
     if one == other:
-        other, which = setup.groups[2], 1
-        stiffness, damping = p.k_b, p.d_gl
+        other, which = setup.groups[2], BAR
     if one == other:
         return 0.0
     if other < 0:
@@ -114,7 +113,8 @@ def mesh_torque(p: Any, setup: Setup, work: Floats) -> float:
     start = work[X, one] - work[X, other]
     end = work[FREE, one] - work[FREE, other]
     torque = 0.0
-    if not has_play(p, setup.groups, which):
+    if not has_play(joint.p, setup.groups, which):
+        stiffness, damping = linear_spring(joint.p, which)
         torque = stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h
     if work[SPRING_ON, which] == 1.0:
         torque += work[SPRING, which]
@@ -122,8 +122,9 @@ def mesh_torque(p: Any, setup: Setup, work: Floats) -> float:
 
 
 @lean
-def middle_angle(setup: Setup, work: Floats) -> float:
+def middle_angle(joint: OneJoint) -> float:
     """Return the motor angle in the middle of the substep [rad]."""
+    work, setup = joint.work, joint.setup
     g = setup.groups[0]
     row = setup.order - setup.size + g
     middle = 0.5 * (work[X, g] + work[FREE, g])
@@ -131,24 +132,24 @@ def middle_angle(setup: Setup, work: Floats) -> float:
 
 
 @apart
-def settle_mesh(
-    p: Any, memory: Floats, ripple: Floats, b: Floats, setup: Setup, current: float, work: Floats
-) -> None:
+def settle_mesh(joint: OneJoint, b: Floats) -> None:
     """Find the torque that the gear transmits and the ripple, in memory and work; add the ripple.
 
     What the gear transmits depends on the motion that friction and ripple themselves cause; both
     are predicted by the substep before, and by a second pass where there was none.
     """
+    p, memory, work, setup = joint.p, joint.memory, joint.work, joint.setup
+    current = joint.currents[0]
     for _ in range(1 if work[RIPPLE, 1] == 1.0 else 2):
         before = work[RIPPLE, 0]
-        shift(b, setup, -1.0, work)
+        shift(joint, b, -1.0)
         for i in range(setup.order):
             work[FREE, i] += b[i, 0] * before
-        memory[MESH] = mesh_torque(p, setup, work)
-        q_m = middle_angle(setup, work)
-        work[RIPPLE, 0] = ripple_torque(p, ripple, q_m, memory[MESH], memory[K_M], current)
+        memory[MESH] = mesh_torque(joint)
+        q_m = middle_angle(joint)
+        work[RIPPLE, 0] = ripple_torque(p, joint.ripple, q_m, memory[MESH], memory[K_M], current)
         work[RIPPLE, 1] = 1.0
-        shift(b, setup, 1.0, work)
+        shift(joint, b, 1.0)
         for i in range(setup.order):
             work[FREE, i] -= b[i, 0] * before
     for i in range(setup.order):
@@ -156,17 +157,7 @@ def settle_mesh(
 
 
 @apart
-def settle_loop(
-    p: Any,
-    memory: Floats,
-    ripple: Floats,
-    b: Floats,
-    setup: Setup,
-    command: float,
-    load: float,
-    current: float,
-    work: Floats,
-) -> bool:
+def settle_loop(joint: OneJoint, b: Floats, command: float, load: float) -> bool:
     """Find the motion of a joint together with the torque that it transmits.
 
     Let T(tau) be what the joint transmits when friction and ripple are those of a torque tau.
@@ -185,33 +176,34 @@ def settle_loop(
         Brent (1973), Algorithms for Minimization without Derivatives, chapter 4; Genot,
         Brogliato (1999), European Journal of Mechanics A/Solids 18(4).
     """
+    p, memory, work, setup = joint.p, joint.memory, joint.work, joint.setup
     g, rigid = setup.groups[0], setup.groups[0] == setup.groups[2]
     least = LEAST + ROUNDING * abs(work[X, g]) / b[g, 2 + g]  # a torque that moves it by rounding
     for i in range(setup.order):
         work[UNFORCED, i] = work[FREE, i]
         work[FREE, i] += b[i, 0] * work[RIPPLE, 0]
-    shift(b, setup, -1.0, work)
+    shift(joint, b, -1.0)
     low, high = -math.inf, math.inf
-    tau = memory[MESH] if rigid else mesh_torque(p, setup, work)
+    tau = memory[MESH] if rigid else mesh_torque(joint)
     settled = SETTLED if rigid else PREDICTED
     last_tau, last_gap, q_m = tau, 0.0, 0.0
     for n in range(PASSES):
         memory[MESH] = tau
         if n < 2:
-            q_m = middle_angle(setup, work)
-        torque = ripple_torque(p, ripple, q_m, tau, memory[K_M], current)
+            q_m = middle_angle(joint)
+        torque = ripple_torque(p, joint.ripple, q_m, tau, memory[K_M], joint.currents[0])
         for i in range(setup.order):
             work[FREE, i] = work[UNFORCED, i] + b[i, 0] * torque
         for i in range(setup.size):
             work[FREE_SPEED, i] = (work[FREE, i] - work[X, i]) / setup.h
-        found = resist(p, memory, setup, b, command, load, work)
-        shift(b, setup, -1.0, work)
+        found = resist(joint, b, command, load)
+        shift(joint, b, -1.0)
         if not found:
             return False
         if rigid:
-            passed_on = rigid_torque(p, memory, setup, command, load, work[SPEED, 0], work)
+            passed_on = rigid_torque(joint, command, load, work[SPEED, 0])
         else:
-            passed_on = mesh_torque(p, setup, work)
+            passed_on = mesh_torque(joint)
         gap = passed_on - tau
         if (n > 0 or not rigid) and abs(gap) <= settled * abs(tau) + least:
             work[RIPPLE, 0] = torque

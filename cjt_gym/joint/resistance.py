@@ -6,8 +6,6 @@ up per coordinate; what springs add to their linear models acts between two.
 
 from __future__ import annotations
 
-from typing import Any
-
 from cjt_gym.joint.arrays import (
     ACTIVE,
     BODY,
@@ -16,28 +14,28 @@ from cjt_gym.joint.arrays import (
     GUESS,
     K_M,
     LAW,
-    MESH,
     R_W,
     RESIST,
     SPEED,
     SPRING,
     SPRING_ON,
     Floats,
+    OneJoint,
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import apart, lean
+from cjt_gym.joint.compiled import apart, inlined, lean
 from cjt_gym.joint.drives import STATIC, static_current
 from cjt_gym.joint.friction import (
     BRISTLES,
     COULOMB,
     LOAD,
     NONE,
-    bristles,
     coulomb_friction,
     dry_level,
     friction,
     note_friction,
+    own_bristles,
 )
 from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
@@ -47,20 +45,14 @@ FREELY, PLAINLY, ANY = 0.0, 1.0, 2.0  # what resists a coordinate
 
 @lean
 def resistance(
-    p: Any,
-    memory: Floats,
-    setup: Setup,
-    work: Floats,
-    g: int,
-    command: float,
-    v: float,
-    side: float,
+    joint: OneJoint, g: int, command: float, v: float, side: float
 ) -> tuple[float, float]:
     """Return the resisting torque on coordinate g at mean velocity v, and its slope."""
+    p, memory, work, setup = joint.p, joint.memory, joint.work, joint.setup
     torque, slope = 0.0, 0.0
     for body in range(3):
         if setup.groups[body] == g and work[BODY + body, LAW] != NONE:
-            t, s = friction(p, memory, work, body, v, side, setup.h)
+            t, s = friction(joint, body, v, side)
             torque += t
             slope += s
     if setup.groups[LOAD] == g and has_load_force(p):
@@ -75,31 +67,30 @@ def resistance(
     return torque, slope
 
 
-@lean
-def plain_resistance(
-    p: Any, setup: Setup, work: Floats, g: int, v: float, side: float
-) -> tuple[float, float]:
+@inlined
+def plain_resistance(joint: OneJoint, g: int, v: float, side: float) -> tuple[float, float]:
     """Return what `resistance` does if there is only Coulomb friction."""
     torque, slope = 0.0, 0.0
     for body in range(3):
-        if setup.groups[body] == g:
-            t, s = coulomb_friction(p.dq_0, work, BODY + body, v, side)
+        if joint.setup.groups[body] == g:
+            t, s = coulomb_friction(joint.p.dq_0, joint.work, BODY + body, v, side)
             torque += t
             slope += s
     return torque, slope
 
 
 @lean
-def kind_of_resistance(p: Any, setup: Setup, work: Floats, g: int) -> float:
+def kind_of_resistance(joint: OneJoint, g: int) -> float:
     """Return whether nothing, Coulomb friction alone, or anything resists coordinate g."""
-    if setup.groups[LOAD] == g and has_load_force(p):
+    setup = joint.setup
+    if setup.groups[LOAD] == g and has_load_force(joint.p):
         return ANY
     if setup.drive == STATIC and setup.groups[0] == g:
         return ANY
     kind = FREELY
     for body in range(3):
         if setup.groups[body] == g:
-            law = work[BODY + body, LAW]
+            law = joint.work[BODY + body, LAW]
             if law > COULOMB:
                 return ANY
             if law == COULOMB:
@@ -108,13 +99,12 @@ def kind_of_resistance(p: Any, setup: Setup, work: Floats, g: int) -> float:
 
 
 @lean
-def prepare(
-    p: Any, memory: Floats, setup: Setup, command: float, load: float, work: Floats
-) -> None:
+def prepare(joint: OneJoint, command: float, load: float) -> None:
     """Determine what resists, and guess mean velocities and torques from the present state."""
+    p, work, setup = joint.p, joint.work, joint.setup
     note_friction(p, work)
     for g in range(setup.size):
-        work[ACTIVE, g] = kind_of_resistance(p, setup, work, g)
+        work[ACTIVE, g] = kind_of_resistance(joint, g)
         work[GUESS, g] = work[X, setup.order - setup.size + g]
     for which in range(2):
         on = is_nonlinear(p, setup.groups, which)
@@ -125,25 +115,24 @@ def prepare(
             work[ACTIVE, one] = max(work[ACTIVE, one], PLAINLY)
             if other >= 0:
                 work[ACTIVE, other] = max(work[ACTIVE, other], PLAINLY)
-            start, rate = deflection(setup, which, load, work, GUESS)
-            added, _ = added_torque(p, memory, setup.groups, which, start, rate, setup.h, False)
+            start, rate = deflection(joint, which, load, GUESS)
+            added, _ = added_torque(p, joint.memory, setup, which, start, rate, False)
             work[SPRING, which] = added
     for g in range(setup.size):
         if work[ACTIVE, g] != FREELY:
             v = work[GUESS, g]
             up, down = 1.0 if v >= 0.0 else -1.0, 1.0 if v > 0.0 else -1.0
-            ahead, _ = resistance(p, memory, setup, work, g, command, v, up)
-            back, _ = resistance(p, memory, setup, work, g, command, v, down)
+            ahead, _ = resistance(joint, g, command, v, up)
+            back, _ = resistance(joint, g, command, v, down)
             work[RESIST, g] = 0.5 * (ahead + back)  # at rest neither direction is preferred
         else:
             work[RESIST, g] = 0.0
 
 
 @lean
-def deflection(
-    setup: Setup, which: int, load: float, work: Floats, row: int
-) -> tuple[float, float]:
+def deflection(joint: OneJoint, which: int, load: float, row: int) -> tuple[float, float]:
     """Return a spring's deflection at the start and its mean rate, from the speeds in a row."""
+    setup, work = joint.setup, joint.work
     one, other = setup.groups[which], setup.groups[which + 1]
     if other < 0:
         return work[X, one] - work[X, setup.size], work[row, one] - load
@@ -160,21 +149,20 @@ def mobility(setup: Setup, b: Floats, g: int, which: int) -> float:
     return float(w / setup.h)
 
 
-@lean
-def dry_sum(
-    p: Any, memory: Floats, work: Floats, groups: tuple[int, int, int], g: int, side: float
-) -> float:
+@inlined
+def dry_sum(joint: OneJoint, g: int, side: float) -> float:
     """Return the set-valued friction that can hold coordinate g [N m]."""
     total = 0.0
     for body in range(3):
-        if groups[body] == g:
-            total += dry_level(p, memory, work, body, side)
+        if joint.setup.groups[body] == g:
+            total += dry_level(joint, body, side)
     return total
 
 
 @lean
-def shift(b: Floats, setup: Setup, sign: float, work: Floats) -> None:
+def shift(joint: OneJoint, b: Floats, sign: float) -> None:
     """Add the effect of the torques in rows RESIST and SPRING to the end of the substep."""
+    setup, work = joint.setup, joint.work
     for g in range(setup.size):
         if work[ACTIVE, g] != FREELY:
             torque = work[RESIST, g]
@@ -189,15 +177,16 @@ def shift(b: Floats, setup: Setup, sign: float, work: Floats) -> None:
 
 
 @lean
-def come_to_rest(p: Any, memory: Floats, setup: Setup, b: Floats, work: Floats) -> None:
+def come_to_rest(joint: OneJoint, b: Floats) -> None:
     """Hold the coordinates that sharp friction has stopped: exact position, no velocity.
 
     A coordinate is held if it did not move in the mean, or if it turned within the substep
     although friction could have held it. Both only take kinetic energy away.
     """
+    setup, work = joint.setup, joint.work
     for g in range(setup.size):
-        up = dry_sum(p, memory, work, setup.groups, g, 1.0)
-        down = dry_sum(p, memory, work, setup.groups, g, -1.0)
+        up = dry_sum(joint, g, 1.0)
+        down = dry_sum(joint, g, -1.0)
         if up + down == 0.0:
             continue
         row = setup.order - setup.size + g
@@ -211,20 +200,20 @@ def come_to_rest(p: Any, memory: Floats, setup: Setup, b: Floats, work: Floats) 
 
 
 @apart
-def remember(p: Any, memory: Floats, setup: Setup, work: Floats) -> None:
+def remember(joint: OneJoint) -> None:
     """Move bristles and hysteresis on along the motion of the substep."""
+    p, setup, work = joint.p, joint.setup, joint.work
     for body in range(3):
         g = setup.groups[body]
         if g >= 0 and work[BODY + body, LAW] == BRISTLES:
             v = (work[FREE, g] - work[X, g]) / setup.h
             side = 1.0 if v >= 0.0 else -1.0
-            z = memory[BRISTLE + body]
-            _, _, z = bristles(p, work, body, z, v, side, memory[MESH], setup.h)
-            memory[BRISTLE + body] = z
+            _, _, z = own_bristles(joint, body, v, side)
+            joint.memory[BRISTLE + body] = z
     if work[SPRING_ON, BAR] == 1.0 and p.tau_h > 0.0:
         one, other = setup.groups[BAR], setup.groups[BAR + 1]
         if other < 0:
             other = setup.size
         start = work[X, one] - work[X, other]
         rate = (work[FREE, one] - work[FREE, other] - start) / setup.h
-        added_torque(p, memory, setup.groups, BAR, start, rate, setup.h, True)
+        added_torque(p, joint.memory, setup, BAR, start, rate, True)

@@ -23,6 +23,7 @@ from cjt_gym.joint.arrays import (
     TAU,
     Batch,
     Floats,
+    OneJoint,
     Setup,
     X,
 )
@@ -33,24 +34,16 @@ from cjt_gym.joint.substep import store_state
 
 
 @lean
-def write_channels(
-    p: Any,
-    memory: Floats,
-    setup: Setup,
-    x: Floats,
-    currents: Floats,
-    tau: float,
-    load: float,
-    out: Floats,
-) -> None:
+def write_channels(joint: OneJoint, tau: float, load: float, out: Floats) -> None:
     """Write the true values of all channels, shape (8,)."""
-    store_state(setup, x, load, out[Q_M:TAU])
-    out[CURRENT_I] = currents[0]
+    p, setup = joint.p, joint.setup
+    store_state(setup, joint.work[X], load, out[Q_M:TAU])
+    out[CURRENT_I] = joint.currents[0]
     out[TAU] = tau
     if setup.groups[1] != setup.groups[2]:
         bend, rate = out[Q_G] - out[Q_L], out[DQ_G] - out[DQ_L]
         if is_nonlinear(p, setup.groups, BAR):
-            out[TAU] = spring_torque(p, memory, setup.groups, BAR, bend, rate)
+            out[TAU] = spring_torque(p, joint.memory, setup.groups, BAR, bend, rate)
         else:
             out[TAU] = p.k_b * bend + p.d_gl * rate
 
@@ -97,28 +90,19 @@ def plan_lateness(p: Any, setup: Setup, work: Floats) -> bool:
 
 @apart
 def take_snapshot(
-    p: Any,
-    memory: Floats,
-    setup: Setup,
-    s: int,
-    currents: Floats,
-    tau: float,
-    load: float,
-    out: Floats,
-    snapshot: Floats,
-    work: Floats,
+    joint: OneJoint, s: int, tau: float, load: float, out: Floats, snapshot: Floats
 ) -> None:
     """Keep the channels whose reported instant is the start of substep s.
 
     `out` is scratch for all channels and `snapshot` the result, shape (8,) each.
     """
-    wanted = False
+    wanted, substeps, work = False, joint.setup.substeps, joint.work
     for channel in range(8):
-        wanted = wanted or setup.substeps - work[LATE_SUB, channel] == s
+        wanted = wanted or substeps - work[LATE_SUB, channel] == s
     if wanted:
-        write_channels(p, memory, setup, work[X], currents, tau, load, out)
+        write_channels(joint, tau, load, out)
         for channel in range(8):
-            if setup.substeps - work[LATE_SUB, channel] == s:
+            if substeps - work[LATE_SUB, channel] == s:
                 snapshot[channel] = out[channel]
 
 

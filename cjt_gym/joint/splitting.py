@@ -7,8 +7,6 @@ substep is halved until they are solved.
 
 from __future__ import annotations
 
-from typing import Any
-
 from cjt_gym.joint.arrays import (
     FINE,
     FINE_ROWS,
@@ -20,9 +18,10 @@ from cjt_gym.joint.arrays import (
     SWITCH,
     UNSOLVED,
     Floats,
+    OneJoint,
     Setup,
 )
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import inlined, lean
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.resistance import prepare
 from cjt_gym.joint.substep import substep
@@ -33,46 +32,37 @@ MATRIX = 48  # numbers of a matrix in the scratch rows, of 6 x 6 at most
 
 
 @lean
-def keep(memory: Floats, currents: Floats, work: Floats) -> None:
+def keep(joint: OneJoint) -> None:
     """Save the state that a substep changes before its equations are solved."""
+    memory, currents, work = joint.memory, joint.currents, joint.work
     work[SAVED, 0], work[SAVED, 1] = currents[0], currents[1]
     work[SAVED, 2], work[SAVED, 3] = memory[REFERENCE], memory[LAGGED]
     work[SAVED, 4] = memory[MESH]
 
 
 @lean
-def restore(memory: Floats, currents: Floats, work: Floats) -> None:
+def restore(joint: OneJoint) -> None:
     """Restore the state after a substep whose equations were not solved."""
+    memory, currents, work = joint.memory, joint.currents, joint.work
     currents[0], currents[1] = work[SAVED, 0], work[SAVED, 1]
     memory[REFERENCE], memory[LAGGED] = work[SAVED, 2], work[SAVED, 3]
     memory[MESH] = work[SAVED, 4]
 
 
-@lean
+@inlined
 def careful_substep(
-    p: Any,
-    memory: Floats,
-    ripple: Floats,
-    a: Floats,
-    b: Floats,
-    setup: Setup,
-    currents: Floats,
-    command: float,
-    command_d: float,
-    load: float,
-    work: Floats,
+    joint: OneJoint, a: Floats, b: Floats, command: float, command_d: float, load: float
 ) -> float:
     """Do what `substep` does, in smaller pieces if its equations are not solved at once."""
+    work, setup = joint.work, joint.setup
     order, size = setup.order, setup.size
     done, pieces, halvings, tau = 0, 1, 0, 0.0
     resists = work[SWITCH, RESISTS] == 1.0
     while True:
         if resists:
-            keep(memory, currents, work)
+            keep(joint)
         last = halvings == HALVINGS
-        tau = substep(
-            p, memory, ripple, a, b, setup, currents, command, command_d, load, work, last
-        )
+        tau = substep(joint, a, b, command, command_d, load, last)
         if not resists:
             return tau
         if work[SWITCH, UNSOLVED] == 0.0 or last:
@@ -80,7 +70,7 @@ def careful_substep(
             if done == pieces:
                 break
             continue
-        restore(memory, currents, work)
+        restore(joint)
         done, pieces, halvings = 2 * done, 2 * pieces, halvings + 1
         setup = Setup(
             setup.groups,
@@ -92,12 +82,13 @@ def careful_substep(
             setup.substeps,
             setup.dt,
         )
+        joint = OneJoint(joint.p, joint.memory, joint.ripple, joint.currents, work, setup)
         space = work[FINE : FINE + FINE_ROWS].reshape(FINE_ROWS * 8)
         a = space[: order * order].reshape((order, order))
         b = space[MATRIX : MATRIX + order * (2 + size)].reshape((order, 2 + size))
         scratch = space[2 * MATRIX : 2 * MATRIX + 144].reshape(SCRATCH)
-        discretize(p, setup.groups, setup.h, a, b, scratch)
-        prepare(p, memory, setup, command, load, work)
+        discretize(joint.p, setup.groups, setup.h, a, b, scratch)
+        prepare(joint, command, load)
     if halvings > 0:
-        prepare(p, memory, setup, command, load, work)
+        prepare(joint, command, load)
     return tau

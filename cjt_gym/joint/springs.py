@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.arrays import LOOP, Floats
+from cjt_gym.joint.arrays import LOOP, Floats, Setup
 from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.spring_table import mean_torque, table_torque
 
@@ -47,6 +47,14 @@ def is_nonlinear(p: Any, groups: tuple[int, int, int], which: int) -> bool:
     if has_play(p, groups, which):
         return True
     return bool(which == BAR and (p.k_3 > 0.0 or p.tau_h > 0.0 or p.table_scale > 0.0))
+
+
+@lean
+def linear_spring(p: Any, which: int) -> tuple[float, float]:
+    """Return stiffness [N m/rad] and damping [N m s/rad] of a spring of the linear joint."""
+    if which == BAR:
+        return p.k_b, p.d_gl
+    return p.k_g, p.d_mg
 
 
 @lean
@@ -134,9 +142,8 @@ def spring_torque(
     p: Any, memory: Floats, groups: tuple[int, int, int], which: int, deflection: float, rate: float
 ) -> float:
     """Return the torque of a spring at an instant, damper included [N m]."""
-    stiffness, damping, x = p.k_g, p.d_mg, deflection
-    if which == BAR:
-        stiffness, damping = p.k_b, p.d_gl
+    stiffness, damping = linear_spring(p, which)
+    x = deflection
     gap = p.play_gap if plays(groups, which) else 0.0
     if gap > 0.0:
         x = beyond_play(deflection, gap, p.play_offset)
@@ -162,22 +169,22 @@ def path_torque(
     p: Any,
     memory: Floats,
     which: int,
-    x0: float,
-    x1: float,
-    rate: float,
-    h: float,
+    path: tuple[float, float, float, float],
     touching: bool,
     keep: bool,
     held: float,
 ) -> tuple[float, float]:
-    """Return the mean torque of a spring over a substep from x0 to x1, and its slope over the rate.
+    """Return the mean torque of a spring over a substep, and its slope over the rate.
 
-    The torque is in N m, the slope in N m s/rad. Where play takes a part of the way, x0 and x1
+    The torque is in N m, the slope in N m s/rad. The path runs from x0 to x1 [rad], its first
+    numbers, at a rate [rad/s] over h [s], its last. Where play takes a part of the way, x0 and x1
     are less than h rate apart; `touching` says whether the spring is deflected at the end.
     """
-    stiffness, damping, k_3, is_loop = p.k_g, p.d_mg, 0.0, False
+    x0, x1, rate, h = path
+    stiffness, damping = linear_spring(p, which)
+    k_3, is_loop = 0.0, False
     if which == BAR:
-        stiffness, damping, k_3, is_loop = p.k_b, p.d_gl, p.k_3, p.tau_h > 0.0
+        k_3, is_loop = p.k_3, p.tau_h > 0.0
     tabled = which == BAR and p.table_scale > 0.0
     if tabled:
         stiffness = 0.0
@@ -203,9 +210,10 @@ def path_torque(
 
 @lean
 def played_torque(
-    p: Any, memory: Floats, which: int, start: float, rate: float, h: float, keep: bool
+    p: Any, memory: Floats, setup: Setup, which: int, start: float, rate: float, keep: bool
 ) -> tuple[float, float]:
     """Return the mean torque of a spring with play: one side after the other, neither pulls."""
+    h = setup.h
     x0 = beyond_play(start, p.play_gap, p.play_offset)
     x1 = beyond_play(start + h * rate, p.play_gap, p.play_offset)
     torque, slope = 0.0, 0.0
@@ -214,7 +222,7 @@ def played_torque(
         begin, end = side * max(0.0, side * x0), side * max(0.0, side * x1)
         if begin != 0.0 or end != 0.0:
             held = 1.0 if begin != 0.0 else 0.0
-            t, s = path_torque(p, memory, which, begin, end, rate, h, end != 0.0, keep, held)
+            t, s = path_torque(p, memory, which, (begin, end, rate, h), end != 0.0, keep, held)
             if t * side > 0.0:
                 torque += t
                 slope += s
@@ -235,22 +243,14 @@ def relax(memory: Floats) -> None:
 
 @apart
 def added_torque(
-    p: Any,
-    memory: Floats,
-    groups: tuple[int, int, int],
-    which: int,
-    start: float,
-    rate: float,
-    h: float,
-    keep: bool,
+    p: Any, memory: Floats, setup: Setup, which: int, start: float, rate: float, keep: bool
 ) -> tuple[float, float]:
     """Return the mean torque that a spring adds to the linear joint, and its slope over rate."""
-    if has_play(p, groups, which):
-        return played_torque(p, memory, which, start, rate, h, keep)
+    if has_play(p, setup.groups, which):
+        return played_torque(p, memory, setup, which, start, rate, keep)
+    h = setup.h
     end = start + h * rate
-    torque, slope = path_torque(p, memory, which, start, end, rate, h, True, keep, 1.0)
-    stiffness, damping = p.k_g, p.d_mg
-    if which == BAR:
-        stiffness, damping = p.k_b, p.d_gl
+    torque, slope = path_torque(p, memory, which, (start, end, rate, h), True, keep, 1.0)
+    stiffness, damping = linear_spring(p, which)
     torque -= stiffness * 0.5 * (start + end) + damping * rate
     return torque, slope - stiffness * 0.5 * h - damping

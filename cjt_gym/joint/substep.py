@@ -8,8 +8,6 @@ either side of the mechanics. The order of convergence is two.
 
 from __future__ import annotations
 
-from typing import Any
-
 from cjt_gym.joint.arrays import (
     FREE,
     FREE_SPEED,
@@ -23,10 +21,11 @@ from cjt_gym.joint.arrays import (
     SWITCH,
     UNSOLVED,
     Floats,
+    OneJoint,
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import inlined, lean
 from cjt_gym.joint.drives import (
     CURRENT,
     STATIC,
@@ -68,11 +67,10 @@ def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
             state[3 + body] = load
 
 
-@lean
-def free_motion(
-    a: Floats, b: Floats, setup: Setup, tau_m: float, load: float, work: Floats
-) -> None:
+@inlined
+def free_motion(joint: OneJoint, a: Floats, b: Floats, tau_m: float, load: float) -> None:
     """Advance the linear joint from row X to row FREE."""
+    setup, work = joint.setup, joint.work
     for i in range(setup.order):
         value = b[i, 0] * tau_m + b[i, 1] * load
         for j in range(setup.order):
@@ -80,38 +78,24 @@ def free_motion(
         work[FREE, i] = value
 
 
-@lean
-def linear_substep(
-    p: Any,
-    memory: Floats,
-    a: Floats,
-    b: Floats,
-    setup: Setup,
-    currents: Floats,
-    command: float,
-    load: float,
-    work: Floats,
-) -> None:
+@inlined
+def linear_substep(joint: OneJoint, a: Floats, b: Floats, command: float, load: float) -> None:
     """Do what `substep` does where a current source drives a linear joint with a spring."""
+    p, currents, work = joint.p, joint.currents, joint.work
     currents[0] = clip(command, p.i_p)
-    free_motion(a, b, setup, p.torque_offset + memory[K_M] * currents[0], load, work)
-    for i in range(setup.order):
+    free_motion(joint, a, b, p.torque_offset + joint.memory[K_M] * currents[0], load)
+    for i in range(joint.setup.order):
         work[X, i] = work[FREE, i]
 
 
-@lean
+@inlined
 def substep(
-    p: Any,
-    memory: Floats,
-    ripple: Floats,
+    joint: OneJoint,
     a: Floats,
     b: Floats,
-    setup: Setup,
-    currents: Floats,
     command: float,
     command_d: float,
     load: float,
-    work: Floats,
     last: bool,
 ) -> float:
     """Advance one joint by h, in place (row X, currents); return the torque if it is rigid.
@@ -119,49 +103,48 @@ def substep(
     Where the equations are not solved, it says so in work and leaves the state as it was, unless
     it is told to take what it has.
     """
+    p, memory, currents = joint.p, joint.memory, joint.currents
+    work, setup = joint.work, joint.setup
     order, size, drive = setup.order, setup.size, setup.drive
     motor, half = order - size + setup.groups[0], 0.5 * setup.h
-    is_voltage, k, r = setup.is_voltage, memory[K_M], memory[R_W]
     if work[SWITCH, SHAPES] == 1.0:
         command = shaped_command(p, memory, command, setup.h)
     if drive == CURRENT:
         currents[0] = clip(command, p.i_p)
     elif drive != STATIC:
-        dq_m = work[X, motor]
-        advance_currents(p, k, r, drive, currents, command, command_d, is_voltage, dq_m, half)
+        advance_currents(joint, command, command_d, work[X, motor], half)
     tau_m = p.torque_offset
     if drive != STATIC:
-        tau_m += k * currents[0]
-    free_motion(a, b, setup, tau_m, load, work)
+        tau_m += memory[K_M] * currents[0]
+    free_motion(joint, a, b, tau_m, load)
     if work[SWITCH, LOOPS] == 1.0:
-        solved = settle_loop(p, memory, ripple, b, setup, command, load, currents[0], work)
+        solved = settle_loop(joint, b, command, load)
     else:
         if work[SWITCH, MESHES] == 1.0:
-            settle_mesh(p, memory, ripple, b, setup, currents[0], work)
+            settle_mesh(joint, b)
         solved = True
         if work[SWITCH, RESISTS] == 1.0:
             for g in range(size):
                 work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
-            solved = resist(p, memory, setup, b, command, load, work)
-            shift(b, setup, -1.0, work)
+            solved = resist(joint, b, command, load)
+            shift(joint, b, -1.0)
     work[SWITCH, UNSOLVED] = 0.0 if solved else 1.0
     if not (solved or last):
         return 0.0
     if work[SWITCH, RESISTS] == 1.0 and p.dq_0 == 0.0:
-        come_to_rest(p, memory, setup, b, work)
+        come_to_rest(joint, b)
     tau = 0.0
     if setup.groups[1] == setup.groups[2]:
         v = (work[FREE, 0] - work[X, 0]) / setup.h
-        tau = rigid_torque(p, memory, setup, command, load, v, work)
+        tau = rigid_torque(joint, command, load, v)
     if drive == STATIC:
         g = setup.groups[0]
         v = (work[FREE, g] - work[X, g]) / setup.h
-        currents[0], _ = static_current(p, k, r, command, is_voltage, v)
+        currents[0], _ = static_current(p, memory[K_M], memory[R_W], command, setup.is_voltage, v)
     elif drive != CURRENT:
-        dq_m = work[FREE, motor]
-        advance_currents(p, k, r, drive, currents, command, command_d, is_voltage, dq_m, half)
+        advance_currents(joint, command, command_d, work[FREE, motor], half)
     if work[SWITCH, REMEMBERS] == 1.0:
-        remember(p, memory, setup, work)
+        remember(joint)
     for i in range(order):
         work[X, i] = work[FREE, i]
     return tau

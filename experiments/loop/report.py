@@ -30,7 +30,7 @@ NAMES: Final = {
 }
 MATERIAL: Final = 0.05
 """Gap above which there is something to recover [-]."""
-RESAMPLES: Final = 4000
+RESAMPLES: Final = 4000  # of the bootstrap
 
 
 def summary_of(outcomes: Sequence[Outcome]) -> dict[str, Any]:

@@ -38,9 +38,9 @@ BEST: Final = 3
 DELAYS: Final = (1e-3, 2e-3, 3e-3, 4e-3)
 """On top of that of the command [s]."""
 WIDE: Final = 2.0
-GENERATIONS: Final = 12
-PLACES: Final = 12
-WORST_EPISODES: Final = 4
+"""Ranges of the parameters over those of the benchmark."""
+GENERATIONS, PLACES, WORST_EPISODES = 12, 12, 4
+"""Of the search for the worst joint: generations, joints of each, episodes of each joint."""
 
 
 def run_results(plan: Plan, say: Say = lambda text: None) -> list[dict[str, Any]]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Result = Mapping[str, Any]
-RESAMPLES: Final = 2000
-ENDS: Final = (0.025, 0.975)
+RESAMPLES: Final = 2000  # of the bootstrap
+ENDS: Final = (0.025, 0.975)  # of a 95 % interval
 THRESHOLDS: Final = tuple(float(x) for x in np.geomspace(0.02, 2.0, 41))
 """Errors of an episode over its reference, of the performance profiles."""
 COMMANDS: Final = ("change", "fast", "effort")

@@ -55,9 +55,9 @@ def watch(
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-def wave(samples: int, amplitude: float = 20.0) -> Floats:
+def wave(samples: int) -> Floats:
     t = DT * np.arange(samples)
-    return np.asarray(amplitude * (np.sin(2.0 * np.pi * 3.0 * t) + np.sin(2.0 * np.pi * 11.0 * t)))
+    return np.asarray(20.0 * (np.sin(2.0 * np.pi * 3.0 * t) + np.sin(2.0 * np.pi * 11.0 * t)))
 
 
 @pytest.mark.parametrize("structure", FIXED)

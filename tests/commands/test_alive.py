@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import subprocess
 import sys
 import threading
 import time
@@ -20,6 +19,7 @@ from cjt_gym.gap import diagnose
 from cjt_gym.joint import compiling
 from cjt_gym.joint.compiling import Notice, while_compiling
 from cjt_gym.records import read_record
+from tests.python import run_python
 
 
 def impatient(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
@@ -155,7 +155,7 @@ def test_train_checks_its_words_before_it_loads_torch() -> None:
         "sys.exit(9 if 'torch' in sys.modules else status)"
     )
     words = ["train", "ppo_residul", "--out", "x"]
-    run = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
+    run = run_python(program, *words)
     assert run.returncode == 2
     assert "ppo_residul" in run.stderr
 

@@ -50,8 +50,8 @@ def made(name: str, joint: Joint) -> Controller:
     return make_controller(name, joint, DT)
 
 
-def measurements(num: int, steps: int, seed: int = 0) -> list[Measurement]:
-    rng = np.random.default_rng(seed)
+def measurements(num: int, steps: int) -> list[Measurement]:
+    rng = np.random.default_rng(0)
     values = np.cumsum(rng.normal(size=(steps, 9, num)), axis=0)
     return [Measurement(*rows) for rows in values]
 

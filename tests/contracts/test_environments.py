@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 import math
-import subprocess
-import sys
 import warnings
 from typing import Any
 
@@ -27,6 +25,7 @@ from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, ParameterError, UnknownNameError
 from cjt_gym.registry import ENVIRONMENTS
 from cjt_gym.signals import Signal
+from tests.python import run_python
 
 REAL = {
     "coulomb": {},
@@ -112,12 +111,10 @@ def trace(seed: int) -> bytes:
 
 def test_the_same_seed_repeats_in_another_process() -> None:
     program = (
-        "import sys; sys.path.insert(0, 'tests/contracts'); import test_environments as t;"
-        "import hashlib; print(hashlib.sha256(t.trace(7)).hexdigest())"
+        "from tests.contracts.test_environments import trace;"
+        "import hashlib; print(hashlib.sha256(trace(7)).hexdigest())"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    run = run_python(program)
     assert run.stdout.strip() == hashlib.sha256(trace(7)).hexdigest()
     assert trace(7) != trace(8)
 
@@ -262,9 +259,7 @@ def test_importing_the_package_is_light() -> None:
     program = (
         "import sys, cjt_gym; print([m for m in ('torch', 'numba', 'scipy') if m in sys.modules])"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    run = run_python(program)
     assert run.stdout.strip() == "[]"
     assert "load_joint" in dir(cjt_gym)
 

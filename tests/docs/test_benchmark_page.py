@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from dataclasses import fields
 from pathlib import Path
 
 from cjt_gym.analysis import Figures
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 from cjt_gym.training.tuning.limits import Limits
+from tests.python import run_python
 
 PAGE = (Path(__file__).parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)
@@ -18,7 +17,7 @@ BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)
 
 def test_the_python_of_the_page_runs() -> None:
     (code,) = (text for kind, text in BLOCKS if kind == "python")
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    run = run_python(code)
     assert run.returncode == 0, run.stderr
     assert run.stdout.startswith("True ('coulomb',)\n")
 

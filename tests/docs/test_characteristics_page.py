@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import re
-import sys
-from pathlib import Path
 
 import pytest
 
 import cjt_gym.characteristics
-
-ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT))  # tools are not installed
-
-from tools.characteristics_page import PAGE, main  # noqa: E402
+from tools.characteristics_page import PAGE, main
 
 TEXT = PAGE.read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)

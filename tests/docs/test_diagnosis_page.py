@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from cjt_gym.cli import COMMANDS, Parser
+from tests.python import run_python
 
 PAGE = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)
@@ -30,8 +29,6 @@ def test_commands_have_the_options_that_are_shown(line: str) -> None:
 
 def test_the_python_of_the_page_runs(tmp_path: Path) -> None:
     (code,) = (text for kind, text in BLOCKS if kind == "python")
-    run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
+    run = run_python(code, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert run.stdout.startswith(("no_gap", "explained", "partly_explained", "unexplained"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,15 +12,13 @@ from cjt_gym.joint import EFFECTS, Effect, Joint, load_joint, load_joint_file, t
 from cjt_gym.joint.configure import resolve_effects
 
 pytest.importorskip("matplotlib")
-ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT))  # tools are not installed
 
-from tools.effects_page import page  # noqa: E402
-from tools.effects_page.__main__ import main  # noqa: E402
-from tools.effects_page.bench import JOINT  # noqa: E402
-from tools.effects_page.plots import PLOTS  # noqa: E402
-from tools.effects_page.snippets import python_snippet, toml_snippet  # noqa: E402
-from tools.effects_page.style import LARGEST, save  # noqa: E402
+from tools.effects_page import page
+from tools.effects_page.__main__ import main
+from tools.effects_page.bench import JOINT
+from tools.effects_page.plots import PLOTS
+from tools.effects_page.snippets import python_snippet, toml_snippet
+from tools.effects_page.style import LARGEST, save
 
 ROWS = pytest.mark.parametrize("effect", EFFECTS.values(), ids=lambda effect: effect.name)
 FAST = ("current_saturation", "torque_gain", "eccentricity", "load_coulomb")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +15,7 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effects import Effect, EffectParameter, register_effect
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
+from tests.python import run_python
 
 PAGES = Path(__file__).parents[2] / "docs" / "extend"
 RUNNING = sorted(path.stem for path in PAGES.glob("*.md") if "```python" in path.read_text())
@@ -158,9 +157,7 @@ def test_a_package_brings_its_rows_along(tmp_path: Path) -> None:
         "print(CONTROLLERS['damped'].summary, CONTROLLERS['pd'].summary != 'Damped.',"
         "EFFECTS['seal'].summary, BENCHMARK_TASKS['staircase'].summary)"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    run = run_python(program)
     assert run.returncode == 0, run.stderr
     assert run.stdout.strip() == "Damped. True A seal steps"
     for told in ("pd of rows-of-mine", "the name is taken", "broken of rows-of-mine"):

@@ -5,18 +5,15 @@ from __future__ import annotations
 import runpy
 import shlex
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 
 from cjt_gym.cli import main as cjt_gym
+from tools.features.__main__ import main
+from tools.features.table import FEATURES, Feature
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT))  # tools are not installed
-
-from tools.features.__main__ import main  # noqa: E402
-from tools.features.table import FEATURES, Feature  # noqa: E402
 
 TABLE = """structures = ["rigid", "output_fixed"]
 [joints]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -25,6 +23,7 @@ from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.records import Record, read_record, write_record
 from tests.canbus.soak import emulator, free_port
+from tests.python import run_python
 
 ROOT = Path(__file__).parents[2]
 HARDWARE = (ROOT / "docs" / "hardware.md").read_text(encoding="utf-8")
@@ -37,9 +36,7 @@ CODE = re.findall(r"```python\n(.*?)```", HARDWARE + EMULATOR_PAGE, flags=re.S)
 
 @pytest.mark.parametrize("text", [code for code in CODE if not NEEDS_MORE.search(code)])
 def test_code_runs(text: str) -> None:
-    run = subprocess.run(
-        [sys.executable, "-c", text], capture_output=True, text=True, cwd=ROOT, check=False
-    )
+    run = run_python(text, cwd=ROOT)
     assert run.returncode == 0, run.stderr
 
 
@@ -161,9 +158,7 @@ def test_code_for_other_clients_hears_the_emulator(terminals: Terminals) -> None
     (text,) = [code for code in CODE if "bus.recv" in code]
     terminals.run("cjt-gym emulate joint.toml")
     patient = text.replace("29536", str(terminals.port)).replace("recv(1.0)", "recv(30.0)")
-    run = subprocess.run(
-        [sys.executable, "-c", patient], capture_output=True, text=True, check=False
-    )
+    run = run_python(patient)
     assert run.returncode == 0, run.stderr
     assert "ID:" in run.stdout
 
@@ -172,5 +167,5 @@ def test_code_with_a_record_runs(terminals: Terminals) -> None:
     (text,) = [code for code in CODE if "real.csv" in code]
     words = "cjt-gym hardware joint.toml --arm --controller open_loop --out real.csv"
     assert terminals.run(words) == 0
-    run = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
+    run = run_python(text)
     assert run.returncode == 0, run.stderr

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,12 +11,10 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.quantity import QUANTITY_KEYS
+from tools.joint_drawing import DRAWING
+from tools.joint_drawing import main as draw
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT))  # tools are not installed
-
-from tools.joint_drawing import DRAWING  # noqa: E402
-from tools.joint_drawing import main as draw  # noqa: E402
 
 TEXT = (ROOT / "docs" / "joint_files.md").read_text(encoding="utf-8")
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import re
 import struct
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 pytest.importorskip("canopen")
-ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT))  # tools are not installed
 
-from cjt_gym.canbus.protocols import PROTOCOLS  # noqa: E402
-from tools import protocols_page  # noqa: E402
+from cjt_gym.canbus.protocols import PROTOCOLS
+from tools import protocols_page
 
 
 def test_the_committed_page_is_what_the_tables_say(capsys: pytest.CaptureFixture[str]) -> None:

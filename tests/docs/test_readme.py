@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.python import run_python
+
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.S)
@@ -31,9 +33,7 @@ SHORTENED = {
 
 @pytest.mark.parametrize("text", PYTHON, ids=[str(k) for k in range(len(PYTHON))])
 def test_python_blocks_run(text: str, tmp_path: Path) -> None:
-    run = subprocess.run(
-        [sys.executable, "-c", text], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
+    run = run_python(text, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
 
 

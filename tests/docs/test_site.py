@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.joint import joint_names
+from tests.python import run_python
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -56,9 +57,7 @@ def test_the_example_of_the_start_page_prints_what_is_shown(
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "text"), BLOCKS, ids=[f"{p.stem}" for p, _ in BLOCKS])
 def test_code_of_tutorials_runs(page: Path, text: str, tmp_path: Path) -> None:
-    run = subprocess.run(
-        [sys.executable, "-c", text], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
+    run = run_python(text, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
 
 

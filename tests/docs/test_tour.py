@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,10 +11,9 @@ pytest.importorskip("jupytext")
 pytest.importorskip("matplotlib")
 nbformat = pytest.importorskip("nbformat")
 
-ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT))  # tools are not installed
-
 from tools import tour  # noqa: E402
+
+ROOT = Path(__file__).parents[2]
 
 SCRIPTS = pytest.mark.parametrize("path", tour.scripts(), ids=lambda path: path.stem)
 SLOW = {"04_datasheet", "06_controllers", "07_compare", "08_train", "10_diagnose", "11_article"}

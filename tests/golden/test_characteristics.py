@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
 from cjt_gym.characteristics import CHARACTERISTICS, characteristic
 from tests.golden.loader import oracle_sets, secondary
-
-sys.path.append(str(Path(__file__).parents[2]))  # tools are not installed
-
 from tools.characteristics_comparison import ROWS, Row, parameters
 
 # The toolbox stands 1e9 kg m^2 for a locked output, which moves the resonance by 1e-9.

@@ -82,8 +82,8 @@ def test_slope_of_the_d_and_q_currents(name: str, joint_of: JointOf) -> None:
     h = 1e-8
     for k in range(20):
         (i_q, i_d), (v_q, v_d, speed) = x[:, k], u[:, k]
-        ahead = advance_dq(p, p.k_t * p.n, p.r, i_q, i_d, v_q, v_d, True, speed, h)
-        behind = advance_dq(p, p.k_t * p.n, p.r, i_q, i_d, v_q, v_d, True, speed, -h)
+        now = p.k_t * p.n, p.r, complex(i_q, i_d), complex(v_q, v_d), speed
+        ahead, behind = advance_dq(p, *now, h), advance_dq(p, *now, -h)
         slope = (np.array(ahead) - np.array(behind)) / (2.0 * h)
         golden = electrical(name, "dq", "x_dot")[:, k]
         np.testing.assert_allclose(slope, golden, rtol=0.0, atol=1e-6 * np.abs(golden).max())

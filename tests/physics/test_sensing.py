@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ import pytest
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.records import Record
 from tests.physics.cases import Effects, Floats
+from tests.python import run_python
 
 NAME, STRUCTURE = "orange_80_6000", "output_fixed"
 DT, H = 1e-3, 1e-4
@@ -245,5 +244,5 @@ def test_the_same_seed_repeats_exactly() -> None:
 
 def test_the_same_seed_repeats_in_another_process() -> None:
     code = "from tests.physics.test_sensing import digest; print(digest(7))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = run_python(code)
     assert done.stdout.strip() == digest(7)

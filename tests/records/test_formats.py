@@ -131,7 +131,7 @@ def test_what_to_install(
         read_log(tmp_path / name)
 
 
-def write_json(path: Path, encoding: str = "json", messages: int = N) -> Path:
+def write_json(path: Path, encoding: str = "json") -> Path:
     """Write a topic at 1 kHz and one at 200 Hz with a clock that starts later."""
     writer_of = pytest.importorskip("mcap.writer").Writer
     with path.open("wb") as file:
@@ -141,7 +141,7 @@ def write_json(path: Path, encoding: str = "json", messages: int = N) -> Path:
         motor = writer.register_channel("/motor", encoding, schema)
         torque = writer.register_channel("/torque", encoding, schema)
         start = 1_700_000_000_000_000_000
-        for k in range(messages):
+        for k in range(N):
             stamp = start + k * 1_000_000
             data = {"pos": {"deg": float(np.rad2deg(Q[k]))}, "i": [0.0, float(k)], "ok": True}
             writer.add_message(motor, stamp, json.dumps(data).encode(), stamp)

@@ -50,7 +50,8 @@ offset = 512
 """
 
 
-def write_log(folder: Path, name: str = "log.csv") -> Path:
+def write_log(folder: Path) -> Path:
+    path = folder / "log.csv"
     columns = {
         "time_ms": T * 1e3,
         "motor pos": -np.rad2deg(Q * 100.0),
@@ -60,8 +61,8 @@ def write_log(folder: Path, name: str = "log.csv") -> Path:
         "temperature": 20.0 + T,
     }
     table = np.column_stack(list(columns.values()))
-    np.savetxt(folder / name, table, delimiter=",", header=",".join(columns), comments="")
-    return folder / name
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="")
+    return path
 
 
 def check(record: Any) -> None:

@@ -107,10 +107,10 @@ def response(
     return np.asarray(y / u / hold, dtype=np.complex128)
 
 
-def model_response(bench: Joint, frequencies: Floats, output: str = "tau") -> Complexes:
-    """Return the frequency response of the linear model from motor torque to an output."""
+def model_response(bench: Joint, frequencies: Floats) -> Complexes:
+    """Return the frequency response of the linear model from motor torque to joint torque."""
     system = bench.state_space()
-    one = system[system.output_labels.index(output), system.input_labels.index("tau_m")]
+    one = system[system.output_labels.index("tau"), system.input_labels.index("tau_m")]
     values = one(2j * np.pi * frequencies)
     return np.asarray(values, dtype=np.complex128).reshape(-1)
 

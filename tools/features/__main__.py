@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
 from tools.features.table import FEATURES, Feature
+from tools.written import write_or_check
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "features.md"
 HEAD = """# Features of the toolbox, and how to use them here
@@ -39,16 +39,7 @@ def _line(row: Feature) -> str:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Write or check the page; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tools.features", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="fail if the page differs")
-    if parser.parse_args(words).check:
-        if PAGE.exists() and PAGE.read_text(encoding="utf-8") == page():
-            return 0
-        print(f"{PAGE} differs: python -m tools.features", file=sys.stderr)
-        return 1
-    PAGE.write_text(page(), encoding="utf-8")
-    print(PAGE)
-    return 0
+    return write_or_check("tools.features", PAGE, page(), words)
 
 
 if __name__ == "__main__":

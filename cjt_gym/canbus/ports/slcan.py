@@ -24,7 +24,7 @@ from can.util import CAN_FD_DLC, len2dlc
 from cjt_gym.errors import ConfigurationError
 
 OK, ERROR = b"\r", b"\a"
-LONGEST = 1 << 16
+LONGEST = 1 << 16  # bytes that wait for a reader; beyond, the oldest or newest are dropped
 SETTINGS = b"CSsYLMmWZF"
 """First letters of commands that set the adapter up, which an emulated one takes and forgets."""
 

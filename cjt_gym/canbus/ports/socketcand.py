@@ -23,7 +23,7 @@ QUIET = 0.05
 
 Clients read the answer to the change on its own; a frame right behind it would confuse them.
 """
-LONGEST = 4096
+LONGEST = 4096  # bytes of an unfinished message that are kept; a frame takes 60 or so
 _WORDS = re.compile(rb"<[^<>]*>")
 _LIMIT = 64
 

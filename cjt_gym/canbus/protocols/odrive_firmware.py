@@ -26,7 +26,7 @@ from cjt_gym.canbus.protocols.odrive_messages import (
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
 from cjt_gym.errors import ConfigurationError, ProtocolError
 
-HEARTBEAT_PERIOD: Final = 0.1
+HEARTBEAT_PERIOD: Final = 0.1  # as set in the factory [s]
 CODES: Final = {
     Fault.WATCHDOG: 0x1000000,
     Fault.OVER_TEMPERATURE: 0x2000,

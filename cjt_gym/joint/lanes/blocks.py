@@ -61,6 +61,15 @@ class Blocks(NamedTuple):
     work: Floats  # scratch rows of the general code, shape (threads, WORK_ROWS, WORK_WIDTH)
 
 
+class Place(NamedTuple):
+    """Where a joint of a batch stands in a block."""
+
+    rows: Floats  # parameters of the block
+    s: Floats  # scratch rows of the thread
+    lane: int
+    i: int  # which joint of the batch
+
+
 def kind_of(joint: Joint, voltage: bool) -> Kind | None:
     """Return the features that the joints of a batch share, or None for the general kernel."""
     structure = joint.structure_row
@@ -196,17 +205,10 @@ def wrap(k: int, depth: int) -> int:
 
 @inlined
 def enter(
-    batch: Batch,
-    setup: Setup,
-    kind: Kind,
-    rows: Floats,
-    s: Floats,
-    lane: int,
-    i: int,
-    command: float,
-    load: float,
+    batch: Batch, setup: Setup, kind: Kind, place: Place, command: float, load: float
 ) -> bool:
-    """Put state and inputs of joint i into place lane; return whether the block can move it."""
+    """Put a joint's state and inputs into its place; return whether the block can move it."""
+    rows, s, lane, i = place
     if not (math.isfinite(command + load) and rows[at.USABLE, lane] == 1.0):
         return False
     k, depth = batch.samples[i], batch.commands.shape[1]
@@ -233,18 +235,9 @@ def enter(
 
 
 @inlined
-def leave(
-    batch: Batch,
-    setup: Setup,
-    kind: Kind,
-    rows: Floats,
-    s: Floats,
-    lane: int,
-    i: int,
-    load: float,
-    work: Floats,
-) -> bool:
-    """Take the state of joint i back and measure; return whether it is finite."""
+def leave(batch: Batch, setup: Setup, kind: Kind, place: Place, load: float, work: Floats) -> bool:
+    """Take a joint's state out of its place and measure; return whether it is finite."""
+    rows, s, lane, i = place
     for j in range(kind.order):
         if not abs(s[at.X + j, lane]) < LARGEST:
             return False
@@ -282,11 +275,13 @@ def advance(
     blocks: Blocks,
     commands: Floats,
     loads: Floats,
-    begin: int,
-    end: int,
-    thread: int,
+    share: tuple[int, int, int],
 ) -> int:
-    """Advance the joints of blocks begin to end by one control step; return how many are left."""
+    """Advance joints by one control step; return how many are left to the general kernel.
+
+    The share of a thread is its first block, the one behind its last, and its number.
+    """
+    begin, end, thread = share
     left, last = 0, loads.shape[0] - 1
     s, work = blocks.scratch[thread], blocks.work[thread]
     for block in range(begin, end):
@@ -295,13 +290,13 @@ def advance(
             i = min(first + lane, last)  # the last joint fills the last block
             if blocks.stale[i]:
                 read_parameters(batch, setup, kind, rows, lane, i, work)
-            good = enter(batch, setup, kind, rows, s, lane, i, commands[i, 0], loads[i])
+            good = enter(batch, setup, kind, Place(rows, s, lane, i), commands[i, 0], loads[i])
             s[at.FAILED, lane] = 0.0 if good else 1.0
         run(kind, rows, s, setup.substeps, setup.h)
         for lane in range(min(WIDTH, last + 1 - first)):
             i = first + lane
-            moved = s[at.FAILED, lane] == 0.0
-            moved = moved and leave(batch, setup, kind, rows, s, lane, i, loads[i], work)
+            place, moved = Place(rows, s, lane, i), s[at.FAILED, lane] == 0.0
+            moved = moved and leave(batch, setup, kind, place, loads[i], work)
             blocks.stale[i], blocks.left[i] = False, not moved
             left += 0 if moved else 1
     return left

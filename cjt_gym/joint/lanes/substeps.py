@@ -180,7 +180,7 @@ def aim(kind: Kind, p: Floats, s: Floats, h: float) -> None:
 
 @inlined
 def settle(
-    p: Floats, s: Floats, k: int, busy: Any, v: Any, torque: Any, slope: Any, change: Any
+    p: Floats, s: Floats, k: int, busy: Any, v: Any, drag: tuple[Any, Any], change: Any
 ) -> Any:
     """Correct the speed of coordinate k, where it is not solved; return where it is solved now.
 
@@ -189,6 +189,7 @@ def settle(
     Solved is what is within 1e-10 rad/s + 1e-7 dq_0, and what rounding leaves of the speed. The
     error that a step leaves is at most its square / dq_0 where it does not pass the kink at zero.
     """
+    torque, slope = drag
     new = v - change
     new = choose(v * new < 0.0, 0.0, new)
     put(s, SPEED + k, choose(busy, new, v))
@@ -204,7 +205,7 @@ def newton_1(p: Floats, s: Floats, busy: Any) -> Any:
     v, w = get(s, SPEED), get(p, MOBILITY)
     r, g = friction(p, 0, v)
     change = (v - get(s, WANTED) + w * r) / (1.0 + w * g)
-    return busy & ~settle(p, s, 0, busy, v, r, g, change)
+    return busy & ~settle(p, s, 0, busy, v, (r, g), change)
 
 
 @lean
@@ -220,8 +221,8 @@ def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
     j11, j12 = 1.0 + w11 * g1, w12 * g2
     j21, j22 = w21 * g1, 1.0 + w22 * g2
     scale = 1.0 / (j11 * j22 - j12 * j21)
-    solved = settle(p, s, 0, busy, v1, r1, g1, (j22 * e1 - j12 * e2) * scale)
-    solved = solved & settle(p, s, 1, busy, v2, r2, g2, (j11 * e2 - j21 * e1) * scale)
+    solved = settle(p, s, 0, busy, v1, (r1, g1), (j22 * e1 - j12 * e2) * scale)
+    solved = solved & settle(p, s, 1, busy, v2, (r2, g2), (j11 * e2 - j21 * e1) * scale)
     return busy & ~solved
 
 
@@ -245,9 +246,9 @@ def newton_3(p: Floats, s: Floats, busy: Any) -> Any:
     c21, c22, c23 = j23 * j31 - j21 * j33, j11 * j33 - j13 * j31, j13 * j21 - j11 * j23
     c31, c32, c33 = j21 * j32 - j22 * j31, j12 * j31 - j11 * j32, j11 * j22 - j12 * j21
     scale = 1.0 / (j11 * c11 + j12 * c21 + j13 * c31)
-    solved = settle(p, s, 0, busy, v1, r1, g1, (c11 * e1 + c12 * e2 + c13 * e3) * scale)
-    second = settle(p, s, 1, busy, v2, r2, g2, (c21 * e1 + c22 * e2 + c23 * e3) * scale)
-    third = settle(p, s, 2, busy, v3, r3, g3, (c31 * e1 + c32 * e2 + c33 * e3) * scale)
+    solved = settle(p, s, 0, busy, v1, (r1, g1), (c11 * e1 + c12 * e2 + c13 * e3) * scale)
+    second = settle(p, s, 1, busy, v2, (r2, g2), (c21 * e1 + c22 * e2 + c23 * e3) * scale)
+    third = settle(p, s, 2, busy, v3, (r3, g3), (c31 * e1 + c32 * e2 + c33 * e3) * scale)
     return busy & ~(solved & (second & third))
 
 

@@ -9,7 +9,7 @@ from typing import Final
 from cjt_gym.disk import NUMBERS
 from cjt_gym.errors import RecordError
 
-PIECE: Final = 1 << 20
+PIECE: Final = 1 << 20  # bytes that are inflated before their number is checked
 
 
 def inflated(data: bytes, path: Path, before: int = 0) -> bytes:

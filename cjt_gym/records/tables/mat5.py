@@ -34,7 +34,7 @@ CLASSES: Final = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i
 """Types of the arrays that they stand for."""
 STRUCT, OBJECT = 2, 3
 COMPLEX: Final = 0x800
-DEEPEST: Final = 32
+DEEPEST: Final = 32  # levels of nesting; files that were made to exhaust the stack have more
 Element = tuple[int, bytes]
 """Type and content."""
 

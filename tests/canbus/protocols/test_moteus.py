@@ -40,9 +40,9 @@ def client(node: int = 1) -> moteus.Controller:
     return moteus.Controller(id=node, transport=object())
 
 
-def frame_of_client(command: Any, node: int = 1) -> Message:
+def frame_of_client(command: Any) -> Message:
     return Message(
-        arbitration_id=0x8000 | command.source << 8 | node,
+        arbitration_id=0x8000 | command.source << 8 | 1,
         is_extended_id=True,
         is_fd=True,
         data=pad(bytes(command.data)),

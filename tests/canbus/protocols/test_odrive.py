@@ -25,8 +25,8 @@ def published(firmware: str = "0.6.10") -> Any:
     return cantools.database.load_file(str(folder / f"odrive-cansimple-{firmware}.dbc"))
 
 
-def message_of(name: str, axis: int = 0) -> Any:
-    return published().get_message_by_name(f"Axis{axis}_{name}")
+def message_of(name: str) -> Any:
+    return published().get_message_by_name(f"Axis0_{name}")
 
 
 every_message = pytest.mark.parametrize("name", MESSAGES)
