@@ -9,6 +9,18 @@ from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.gap.stages.number import Number
 
+OFTEN, NOISES = 0.95, 2.0
+"""Share of the samples, and deviations of the measured current, below which a current that was
+measured is no sign of a limit above it."""
+
+
+def _reached(setting: Setting) -> float:
+    """Return the current that the drive reached often [A], which no limit lies below."""
+    if "i" not in setting.series or setting.command_unit != "A":
+        return 0.0
+    often = float(np.quantile(np.abs(setting.series["i"]), OFTEN))
+    return often - NOISES * setting.std("i")
+
 
 def drive_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the drive."""
@@ -17,7 +29,8 @@ def drive_rows(setting: Setting, size: Scales) -> list[Candidate]:
     peak = float(np.abs(setting.series["i_cmd"]).max()) or 1.0
     delay = Number("delay", "s", 0.0, 5.0 * dt, low=0.0, high=60.0 * dt)
     lag = Number("bandwidth", "Hz", 50.0, 1.5, log=True, low=0.5, high=0.45 / dt, shape=True)
-    limit = Number("i_max", unit, peak, 1.0, log=True, low=1e-3 * peak, high=peak, shape=True)
+    lowest = max(1e-3 * peak, min(_reached(setting), peak))
+    limit = Number("i_max", unit, peak, 1.0, log=True, low=lowest, high=peak, shape=True)
     least, most = 1e-4 * peak, 0.5 * peak
     step = Number("resolution", unit, 0.05 * peak, 2.0, True, least, most, shape=True)
 

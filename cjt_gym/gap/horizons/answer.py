@@ -14,7 +14,7 @@ from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import slow_alike
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.tell import LATE, as_tentative, horizons_of, retold
+from cjt_gym.gap.horizons.tell import LATE, as_tentative, horizons_of, of_drive, retold
 from cjt_gym.gap.horizons.verdict import main_row, unexplained_of
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
@@ -78,6 +78,7 @@ def judged(
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         told = _either_slow(_doubted(_cleared(first, found), found), found)
+        told = _with_late_drive(told, found)
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = allowed_by(retold(first, found, excluded, _title(records[0])), excluded)
     told = _with_elsewhere(told, first, found)
@@ -189,6 +190,17 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()
     told = replace(first.unexplained, share=min(left, 1.0), text=f"{said} {text}".strip())
     return replace(first, verdict="partly_explained", effects=effects, unexplained=told)
+
+
+def _with_late_drive(told: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis with the delay or lag of a drive of which more stays unexplained.
+
+    The stages name nothing small there, but the current that was measured follows later.
+    """
+    known = {e.name for e in told.effects}
+    if told.unexplained.stage != "drive" or known & LATE:
+        return told
+    return replace(told, effects=(*told.effects, *of_drive(found)))
 
 
 def _either_slow(first: Diagnosis, found: Judgement) -> Diagnosis:

@@ -200,7 +200,7 @@ def _effects(
 ) -> tuple[NamedEffect, ...]:
     """Return the effects to name, sorted by the share of the error that they remove."""
     if judged.found is None or judged.problem is None or judged.answer == "datasheet":
-        return _of_drive(judged)
+        return of_drive(judged)
     found, problem = judged.found, judged.problem
     spread = spread_of(problem, found.fit)
     named = []
@@ -210,7 +210,7 @@ def _effects(
         if there and term.told and not open_ and _deserves(judged, k, term, seen):
             effect = _named(judged, problem, spread, k, term)
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
-    named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
+    named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
     named = [_as_plain(effect) for effect in _folded(named)]
     return tuple(sorted(named, key=lambda e: -e.gap_removed))
 
@@ -411,7 +411,7 @@ def _removed(less: Fit, more: Fit) -> float:
     return float(np.clip(np.max((one - two) / np.maximum(one, 1e-12)), 0.0, 1.0))
 
 
-def _of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
+def of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
     """Return the effects of the drive between its command and the measured current."""
     drive = judged.case.drive
     if drive is None:
