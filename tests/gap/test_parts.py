@@ -15,6 +15,7 @@ from cjt_gym.gap.recorded.noise import high_frequency_std, lattice_step, observe
 from cjt_gym.gap.recorded.series import to_series
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.recorded.signals import shifted, smooth_mean
+from cjt_gym.gap.stages import prune
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Link, build_chain, kalman_gain
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fields import NEUTRAL, friction_law
@@ -289,3 +290,27 @@ def test_a_replay_begins_in_motion() -> None:
     model = Written({**cut.nominal, "q_0": relaxed}, cut.joint)
     error = replay(cut, model)["tau"] - record["tau"][1230:]
     assert np.std(error) < 0.01 * np.std(record["tau"])
+
+
+def test_a_plainer_law_is_tried_from_what_the_refined_one_had_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A fit without any friction may move damping and datasheet too far to come back."""
+    setting = make_setting(simulate(friction=(3.0, 3.0)), nominal(), get_structure(FIXED))
+    problem = Problem.of(Stages(setting))
+    rows = all_candidates(setting, problem.stages.names)
+    falling, damping = (
+        next(r for r in rows if r.name == n and r.body == "motor") for n in ("stribeck", "damping")
+    )
+    start = [
+        u.coordinate(x)
+        for row, values in ((falling, (2.6, 0.4, 0.5)), (damping, (TRUE["d_m"],)))
+        for u, x in zip(row.unknowns, values, strict=True)
+    ]
+    fit = problem.fit(Model((falling, damping)), np.array([0.0] * len(problem.shared) + start))
+    lost = problem.fit(fit.model, fit.z + 5.0, moves=0)
+    monkeypatch.setattr(prune, "_swapped", lambda *_: lost)
+    plain = prune.simplify(problem, fit, rows)
+    assert [e.name for e in plain.model.effects] == ["coulomb", "damping"]
+    at = len(problem.shared)
+    assert plain.model.effects[0].unknowns[0].value(plain.z[at]) == pytest.approx(3.0, rel=0.05)

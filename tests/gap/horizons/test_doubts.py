@@ -1,0 +1,98 @@
+"""What is fitted but not told, told in doubt, or told beside the answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.candidates.candidate import scales
+from cjt_gym.gap.candidates.drive import drive_rows
+from cjt_gym.gap.horizons.answer import _with_late_drive
+from cjt_gym.gap.horizons.base_rows import base_terms
+from cjt_gym.gap.horizons.case import Case, make_case
+from cjt_gym.gap.horizons.drive import DriveFit
+from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.found import Found
+from cjt_gym.gap.horizons.grow import added
+from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.rows import candidates, scales_of
+from cjt_gym.gap.horizons.scatter import Scatter
+from cjt_gym.gap.horizons.spread import Spread
+from cjt_gym.gap.horizons.tell import _deserves
+from cjt_gym.gap.horizons.worth import Worth
+from cjt_gym.gap.horizons.write import _torn
+from cjt_gym.gap.recorded.setting import make_setting
+from cjt_gym.joint import get_structure
+from cjt_gym.records import Record
+from tests.gap.horizons.rotor import INERTIA, datasheet, record
+
+RIGID = get_structure("rigid")
+CLEAR = Worth(fall=100.0, clear=20.0, rest=90.0, price=3.0)
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return make_case([record()], [], datasheet(), RIGID)
+
+
+def test_a_weight_that_the_torque_of_a_single_mass_does_not_show_is_not_told(case: Case) -> None:
+    scale = scales_of(case.joint, case.logs)
+    base = Problem(case.fit).fit(Model(case.joint, base_terms(case.joint, scale)), np.zeros(3))
+    weight = next(t for t in candidates(case.joint, scale, case.logs) if t.name == "gravity")
+    fit = Fit(*added(base, weight, weight.starts[0]), 0.0, [])
+    at = len(fit.model.terms) - 1
+    found = Found(fit, base, (CLEAR,) * (at + 1), ((),) * (at + 1), (base,) * (at + 1))
+    judged = Judgement(case, "found", case.joint, (), found=found)
+    shown: Any = SimpleNamespace(values=fit.model.values(fit.z)[at])
+    assert not _deserves(judged, at, weight, {"coulomb": shown})
+    assert _deserves(judged, at, weight, {"coulomb": shown, "gravity": shown})
+    assert _deserves(judged, at, weight, {}), "a regression that sees nothing refutes nothing"
+
+
+@pytest.mark.parametrize(("factor", "torn"), [(2.0, True), (1.0, False)])
+def test_an_inertia_on_which_torque_and_predictions_disagree_spans_both(
+    case: Case, factor: float, torn: bool
+) -> None:
+    """The datasheet of this rotor states twice its inertia; the regression finds the true one."""
+    model = Model(case.joint, base_terms(case.joint, scales_of(case.joint, case.logs))[:1])
+    z = np.array([model.terms[0].numbers[0].coordinate(factor / 2.0)])
+    fit: Any = SimpleNamespace(model=model, z=z)
+    scatter = Scatter.of(Spread(fit, np.array([[4e-4]]), 2.0))
+    found = _torn(Judgement(case, "found", case.joint, ()), scatter)
+    assert bool(found) == torn
+    for one in found.values():
+        assert one.low < 1.05 * INERTIA < one.high
+        assert one.value == pytest.approx(factor * INERTIA)
+
+
+def test_no_limit_lies_below_a_current_that_was_reached() -> None:
+    """A drive that gives half of what is asked for is weak, not saturated."""
+    t = 2e-3 * np.arange(4000)
+    asked = 2.0 * np.sin(2.0 * np.pi * 0.9 * t)
+    columns = {"t": t, "i_cmd": asked, "i": 0.5 * asked, "q_m": np.cumsum(asked) * 1e-3}
+    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
+    setting = make_setting(Record(columns, units, structure="rigid"), datasheet(), RIGID)
+    rows = drive_rows(setting, scales(setting))
+    (limit,) = next(row for row in rows if row.name == "current_saturation").unknowns
+    assert 0.9 < limit.low <= 1.0
+
+
+@pytest.fixture(scope="module")
+def told() -> Diagnosis:
+    return diagnose(record(), datasheet(), "rigid")
+
+
+def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Diagnosis) -> None:
+    late = DriveFit(4e-3, 0.0, 1.0, 0.0, 1.0, 0.3, 5e-4, 1.0)
+    found = Judgement(replace(case, drive=late), "stages", case.joint, ())
+    open_ = replace(told, unexplained=replace(told.unexplained, stage="drive"))
+    (delay,) = (e for e in _with_late_drive(open_, found).effects if e.name == "command_delay")
+    assert delay.status == "tentative"
+    assert delay.parameters["delay"].value == 4e-3
+    assert _with_late_drive(told, found).effects == told.effects
