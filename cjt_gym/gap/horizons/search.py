@@ -21,6 +21,9 @@ MOST = 6
 """Maximum number of terms that an extension adds."""
 SWAPS = 2
 """Maximum number of final replacements of one term by another."""
+LOUDLY = 5.0
+"""Multiple of its price by which a term that the record hardly shows must lower the cost on
+held-out data to be added: several terms are tried on them."""
 LATE, EDGE = "late", 0.02
 """Family of delays and lags, and the relative distance within which a value is at its bound."""
 
@@ -62,7 +65,7 @@ def search(
         chosen = apart(begun, first)
     else:
         chosen = [min(begun, key=lambda fit: priced(fit, first))]
-    ends = [*(extended(problem, fit, terms, progress, until) for fit in chosen), *begun]
+    ends = [*(extended(problem, fit, terms, progress, until, held) for fit in chosen), *begun]
     best, least = None, np.inf
     seen: list[set[tuple[tuple[str, str | None, str | None], bool]]] = []
     for cost, end in sorted(((total(fit), fit) for fit in ends), key=lambda pair: pair[0]):
@@ -81,7 +84,7 @@ def search(
         best = replace(best, rivals=rivals)
         if better is None or problem.all_work > until:
             break
-        end = extended(problem, better, terms, progress, until)
+        end = extended(problem, better, terms, progress, until, held)
         found = tested(pruned(problem, first, end, held))
         left = total(found.fit)
         if left > least - ALIKE:
@@ -98,6 +101,7 @@ def extended(
     terms: Sequence[Term],
     progress: Callable[[str], None],
     until: float = np.inf,
+    held: Held = lambda _: 0.0,
 ) -> Fit:
     """Return a fit with terms added one by one as long as each gains more than its price.
 
@@ -107,6 +111,7 @@ def extended(
         terms: Terms that may be added.
         progress: Called with a description of the current step.
         until: Number of predicted samples after which no further term is tried.
+        held: Returns the cost of a fit on held-out data.
     """
     for _ in range(MOST):
         if problem.all_work > until:
@@ -116,7 +121,7 @@ def extended(
             (
                 more
                 for more, term in extend(problem, fit, terms)
-                if _accepted(problem, fit, more, term)
+                if _accepted(problem, fit, more, term, held)
             ),
             None,
         )
@@ -126,9 +131,19 @@ def extended(
     return fit
 
 
-def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
+def _accepted(problem: Problem, less: Fit, more: Fit, term: Term, held: Held) -> bool:
+    """Return whether the record supports a further term, or held-out data do so loudly.
+
+    A few pieces of a record may show a term that most of a held-out one shows.
+    """
     own = next(k for k, t in enumerate(more.model.terms) if t.key == term.key)
-    return not _at_an_edge(problem, more, own) and worth(problem, less, more, term).enough
+    if _at_an_edge(problem, more, own):
+        return False
+    found = worth(problem, less, more, term)
+    if found.fall > found.price and not found.seen:
+        gained = held(less) - held(more)
+        found = replace(found, held=gained if gained > LOUDLY * found.price else 0.0)
+    return found.enough
 
 
 def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:

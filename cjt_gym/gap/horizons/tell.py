@@ -211,7 +211,7 @@ def _effects(
             effect = _named(judged, problem, spread, k, term)
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
-    named = [_as_plain(effect) for effect in _folded(named)]
+    named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
     return tuple(sorted(named, key=lambda e: -e.gap_removed))
 
 
