@@ -34,4 +34,4 @@ def _swings(joint: Joint) -> bool:
     own = body_group(joint.structure_row, "m")
     inertia, damping = (sum(float(p[f"{kind}_{b}"][0]) for b in own) for kind in "Id")
     critical = 2.0 * (inertia * float(p["k_b"][0])) ** 0.5
-    return damping + float(p["d_gl"][0]) < SWINGS * critical
+    return bool(damping + float(p["d_gl"][0]) < SWINGS * critical)

@@ -38,8 +38,9 @@ SCRAP = 0.2
 """Length relative to the longest piece up to which a piece between two gaps is not such a one."""
 LONG = 400
 """Number of samples of such a piece that are evaluated."""
-DECISIVE = 8
-"""Number of pieces above which a single piece is not decisive."""
+DECISIVE, PREDICTED = 8, 3.0
+"""Number of pieces above which a single piece is not decisive, and the ratio of the errors in it
+above which the other joint predicts what happens there."""
 STILL = 0.05
 """Share of a channel's mean square up to which nothing happens in a window."""
 TRIVIAL = 0.03
@@ -323,7 +324,7 @@ def worse(
     """Return the kinds whose errors exceed others, with and without the worst piece.
 
     A single piece with an unrecorded event, such as a brake, is not decisive as long as there are
-    `DECISIVE` others.
+    `DECISIVE` others; but one that the other joint predicts is no such event.
 
     Args:
         windows: The predicted windows.
@@ -336,8 +337,8 @@ def worse(
         _, pieces = np.unique(windows.pieces(key), return_inverse=True)
         mine, limit = (np.bincount(pieces, np.mean(e**2, axis=1)) for e in (a, slack[key] * b))
         every = np.ones(len(mine), dtype=bool)
-        rest = every.copy()
-        rest[np.argmax(mine - limit)] = len(mine) <= DECISIVE
+        rest, worst = every.copy(), np.argmax(mine - limit)
+        rest[worst] = len(mine) <= DECISIVE or mine[worst] > PREDICTED**2 * limit[worst]
         least = [TRIVIAL**2 * np.sum(some[pieces]) for some in (every, rest)]
         if mine.sum() > max(limit.sum(), least[0]) and mine[rest].sum() > max(
             limit[rest].sum(), least[1]

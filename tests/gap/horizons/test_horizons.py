@@ -147,10 +147,12 @@ def test_one_piece_of_a_record_decides_nothing(plain: tuple[Case, Found]) -> Non
     better, slack = [0.8 * e for e in other], dict.fromkeys(windows.keys, 1.02)
     assert worse(windows, better, other, slack) == []
     assert worse(windows, other, better, slack) == list(windows.keys)
-    braked = [e.copy() for e in better]
-    for key, e in zip(windows.keys, braked, strict=True):
-        e[windows.pieces(key) == windows.pieces(key)[0]] = 50.0
-    assert worse(windows, braked, other, slack) == []
+    once, both = [e.copy() for e in better], [e.copy() for e in other]
+    for key, a, b in zip(windows.keys, once, both, strict=True):
+        piece = windows.pieces(key) == windows.pieces(key)[0]
+        a[piece], b[piece] = 50.0, 30.0
+    assert worse(windows, once, both, slack) == [], "nothing predicts a brake"
+    assert worse(windows, once, other, slack) == list(windows.keys), "the other predicts the stop"
     first = [e.copy() for e in other]  # what is worse there alone does not make others better
     first[0][0] = 50.0
     assert worse(windows, first, better, slack) == list(windows.keys)
