@@ -14,6 +14,9 @@ from cjt_gym.joint import Joint
 
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
 """Relative deviation of datasheet values that state no tolerance."""
+MISSTATED = 3.0
+"""Largest factor between a torque constant and its datasheet. Beyond it a fit no longer corrects
+the constant, but hardly listens to its input."""
 BRAKED = 1.5
 """Largest damping torque at a rarely exceeded speed, as a multiple of the rarely exceeded torque:
 little more than one, as a joint at its top speed does not accelerate; gravity may add to it."""
@@ -33,7 +36,7 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         _damping(joint, scales),
     ]
     if scales.driven > BACKDRIVEN:
-        number = datasheet_number(file, "k_t", K_T, 10.0)
+        number = datasheet_number(file, "k_t", K_T, MISSTATED)
         put = sets("torque_constant", "k_t")
         found.append(Term("torque_constant", (number,), put, nominal=(file.parameters.k_t,)))
     if groups.groups[1] != groups.groups[2] and file.parameters.get("k_b", 0.0) > 0.0:

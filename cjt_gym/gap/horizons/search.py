@@ -134,13 +134,14 @@ def extended(
 def _accepted(problem: Problem, less: Fit, more: Fit, term: Term, held: Held) -> bool:
     """Return whether the record supports a further term, or held-out data do so loudly.
 
-    A few pieces of a record may show a term that most of a held-out one shows.
+    A few pieces of a record may show a term that most of a held-out one shows. That is no reason
+    to leave the datasheet.
     """
     own = next(k for k, t in enumerate(more.model.terms) if t.key == term.key)
     if _at_an_edge(problem, more, own):
         return False
     found = worth(problem, less, more, term)
-    if found.fall > found.price and not found.seen:
+    if found.fall > found.price and not found.seen and term.tight is None:
         gained = held(less) - held(more)
         found = replace(found, held=gained if gained > LOUDLY * found.price else 0.0)
     return found.enough

@@ -16,6 +16,7 @@ from cjt_gym.gap.diagnosis import (
     Suggestion,
 )
 from cjt_gym.gap.horizons.by_torque import (
+    AGREES,
     EITHER,
     HELD,
     agrees,
@@ -26,7 +27,7 @@ from cjt_gym.gap.horizons.by_torque import (
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
 from cjt_gym.gap.horizons.held import slow_alike
-from cjt_gym.gap.horizons.inverse import seen_in_torque
+from cjt_gym.gap.horizons.inverse import inverse, seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, OUTSIDE, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.pictured import pictured
@@ -62,8 +63,8 @@ BLIND = 0.99
 MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
 """Effects that position or a wrong input may mimic: confirmed only if they remove more than
 `MUCH` of the error."""
-SCALED = frozenset({"torque_gain"})
-"""Effects that are dropped if their number ends at a bound, which no sensor reaches."""
+SCALED = frozenset({"torque_gain", "torque_constant"})
+"""Effects that are dropped if their number ends at a bound, which no sensor or motor reaches."""
 LEVELS = frozenset({"coulomb", "coulomb_asym"})
 """Dry friction that remains at speed; without it, Stribeck friction would fall to zero."""
 VISIBLE = 0.3
@@ -267,7 +268,7 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         return False
     if not told and not agrees(seen.get(term.name), values):
         return False
-    if term.name == "gravity" and seen and "gravity" not in seen and _is_single(judged):
+    if term.name == "gravity" and "gravity" not in seen and not _weighs(judged, values):
         return False
     if term.name in SCALED and not term.numbers[0].low < values[0] < term.numbers[0].high:
         return False
@@ -286,13 +287,18 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
 
 
-def _is_single(judged: Judgement) -> bool:
-    """Return whether the joint is a single mass, whose weight the motor's torque must show.
+def _weighs(judged: Judgement, values: Sequence[float]) -> bool:
+    """Return whether the motor's torque shows about the weight that a fit has.
 
-    One that only predictions show makes up for something else, such as friction that is not as the
-    table has it.
+    A single mass feels its whole weight there. One that only predictions show makes up for
+    something else, such as friction that is not as the table has it.
     """
-    return judged.case.joint.structure_row.size == 1
+    joint, logs = judged.case.joint, judged.case.logs
+    known = [e["gravity"] for e in (x.effects for x in inverse(joint, logs)) if "gravity" in e]
+    if joint.structure_row.size > 1 or not known:
+        return True
+    off = min(np.hypot(x - values[0], y - values[1]) for x, y in known)
+    return bool(off < AGREES * np.hypot(*values))
 
 
 def _is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
