@@ -14,7 +14,8 @@ from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import slow_alike
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.tell import LATE, as_tentative, horizons_of, of_drive, retold
+from cjt_gym.gap.horizons.named import LATE, as_tentative, of_drive
+from cjt_gym.gap.horizons.tell import horizons_of, retold
 from cjt_gym.gap.horizons.verdict import main_row, unexplained_of
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at

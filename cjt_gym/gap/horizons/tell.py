@@ -5,36 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cjt_gym.gap.diagnosis import (
-    Diagnosis,
-    Horizon,
-    Interval,
-    NamedEffect,
-    Suggestion,
-)
-from cjt_gym.gap.horizons.by_torque import (
-    AGREES,
-    EITHER,
-    HELD,
-    agrees,
-    covered,
-    inertia_by_torque,
-    told_by_torque,
-)
-from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
-from cjt_gym.gap.horizons.grow import is_needed
-from cjt_gym.gap.horizons.held import slow_alike
-from cjt_gym.gap.horizons.inverse import inverse, seen_in_torque
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, OUTSIDE, Judgement
-from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.diagnosis import Diagnosis, Horizon, NamedEffect, Suggestion
+from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
+from cjt_gym.gap.horizons.inverse import seen_in_torque
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
+from cjt_gym.gap.horizons.named import as_tentative, effects_of, is_usual_offset
 from cjt_gym.gap.horizons.pictured import pictured
-from cjt_gym.gap.horizons.scatter import Scatter
-from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
-from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import (
     gap_of,
     main_row,
@@ -42,51 +19,17 @@ from cjt_gym.gap.horizons.verdict import (
     stages_of,
     unexplained_of,
     verdict_of,
-    worst_row,
 )
-from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE
+from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.write import joint_of
 from cjt_gym.gap.judged.confusable import advice
-from cjt_gym.gap.stages.nuisances import USUAL_COMMAND, USUAL_CURRENT
 
-Floats = NDArray[np.float64]
-SURE, FIRM = 1.4, 2.0
-"""Multiples of the required clarity and price above which an effect may be confirmed."""
-LOUDEST = 10.0
-"""Multiple of its price by which an effect that the examination excludes must lower the cost to be
-named at all, tentatively."""
-STRAINED = 2.5
-"""Number of stated tolerances up to which the other datasheet values may be off where an effect is
-confirmed: beyond that, something else is missing that they make up for."""
 BLIND = 0.99
 """Relative error from which a joint predicts no better than motion at constant speed."""
-MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
-"""Effects that position or a wrong input may mimic: confirmed only if they remove more than
-`MUCH` of the error."""
-SCALED = frozenset({"torque_gain", "torque_constant"})
-"""Effects that are dropped if their number ends at a bound, which no sensor or motor reaches."""
-LEVELS = frozenset({"coulomb", "coulomb_asym"})
-"""Dry friction that remains at speed; without it, Stribeck friction would fall to zero."""
-VISIBLE = 0.3
-"""Presliding displacement, relative to the error at the shortest horizon, that is visible."""
-MIRRORED = 1.5
-"""Ratio of the friction in the two directions up to which both are nearly the same."""
 SHADOW = 0.25
 """Confidence below which an effect is attributed to a cause outside the table."""
-LEAST_LEVEL = 0.2
-"""Least friction that remains at speed, relative to the additional friction at rest."""
-LATE = frozenset({"command_delay", "current_lag"})
-"""Effects that cannot be separated from slow mechanics without a measured current."""
-MUCH = 0.5
-"""Share of the squared error that an effect of `MIMICS` must remove."""
-NOTHING = 1e-3
-"""Share of a search step by which an effect must differ from no effect."""
 MOST_ADVICE = 2
 """Maximum number of sentences of advice of each kind."""
-SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
-"""Effects that depend on the direction; several of them together compensate each other."""
-COMBINED = ("gravity", "viscous_asym")
-"""Effects whose numbers in the effect table are combinations of the fitted ones."""
 
 
 def horizons_of(judged: Judgement) -> tuple[Horizon, ...]:
@@ -117,8 +60,8 @@ def retold(
         record: Name of the record, for the joint's sources.
     """
     seen = seen_in_torque(judged.case.joint, judged.case.logs, excluded)
-    seen = {n: one for n, one in seen.items() if not _is_usual_offset(judged, n, one.values[0])}
-    effects = _effects(judged, excluded, seen)
+    seen = {n: one for n, one in seen.items() if not is_usual_offset(judged, n, one.values[0])}
+    effects = effects_of(judged, excluded, seen)
     regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
     if judged.answer == "datasheet" and not loud:
         seen = {}
@@ -188,252 +131,3 @@ def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagno
     if not parts and judged.unexplained:
         parts = ["Record slow and fast motion in both directions over the whole travel."]
     return Suggestion(" ".join(parts) or "Nothing more is needed on this record's range.")
-
-
-# ---- effects
-def as_tentative(effect: NamedEffect) -> NamedEffect:
-    """Return an effect with tentative status."""
-    return replace(effect, status="tentative", confidence=min(effect.confidence, 0.5))
-
-
-def _effects(
-    judged: Judgement, excluded: Mapping[str, str], seen: Mapping[str, Spent]
-) -> tuple[NamedEffect, ...]:
-    """Return the effects to name, sorted by the share of the error that they remove."""
-    if judged.found is None or judged.problem is None or judged.answer == "datasheet":
-        return of_drive(judged)
-    found, problem = judged.found, judged.problem
-    spread = spread_of(problem, found.fit)
-    named = []
-    for k, term in enumerate(found.fit.model.terms):
-        there = judged.answer == "found" or term.name in judged.joint.effects
-        open_ = term.name in excluded and not _is_overwhelming(judged, k)
-        if there and term.told and not open_ and _deserves(judged, k, term, seen):
-            effect = _named(judged, problem, spread, k, term)
-            named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
-    named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
-    named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
-    return tuple(sorted(named, key=lambda e: -e.gap_removed))
-
-
-def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
-    """Return an effect found by a search, with the values of the regression that is the answer."""
-    given = judged.joint.effects[effect.name]
-    numbers = {
-        symbol: replace(one, value=x, low=min(one.low, x), high=max(one.high, x))
-        for symbol, one in effect.parameters.items()
-        if isinstance(x := given.get(symbol, one.value), float)
-    }
-    return as_tentative(replace(effect, parameters=numbers))
-
-
-def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """Return effects with dry friction merged into presliding if that explains much."""
-    whole = {e.body: e for e in named if e.name == "presliding" and e.gap_removed > MUCH}
-    parts = {e.body: e for e in named if e.name == "coulomb" and e.body in whole}
-    rest = [e for e in named if e not in parts.values()]
-    return [
-        replace(e, parameters={**parts[e.body].parameters, **e.parameters})
-        if e.body in parts and e.name == "presliding"
-        else e
-        for e in rest
-    ]
-
-
-def _as_plain(effect: NamedEffect) -> NamedEffect:
-    """Return nearly symmetric dry friction as plain Coulomb friction if that fits as well."""
-    plain = "coulomb" in effect.confusable_with
-    if effect.name != "coulomb_asym" or not plain or len(effect.parameters) != 2:
-        return effect
-    symbol, (one, two) = next(iter(effect.parameters)), effect.parameters.values()
-    small, large = sorted((abs(one.value), abs(two.value)))
-    if large > MIRRORED * small:
-        return effect
-    low, high = min(one.low, two.low), max(one.high, two.high)
-    both = replace(one, value=0.5 * (one.value + two.value), low=low, high=high)
-    others = tuple(n for n in effect.confusable_with if n != "coulomb")
-    return replace(
-        effect, name="coulomb", parameters={symbol: both}, confusable_with=(effect.name, *others)
-    )
-
-
-def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent]) -> bool:
-    """Return whether a term is supported and deviates beyond what the datasheet allows."""
-    assert judged.found is not None
-    found = judged.found
-    values = found.fit.model.values(found.fit.z)[index]
-    worth = found.worths[index]
-    told = (worth.enough and worth.seen) or is_needed(found.fit, index)
-    if term.name == "presliding" and not _bends_visibly(judged, index):
-        return False
-    if not told and not agrees(seen.get(term.name), values):
-        return False
-    if term.name == "gravity" and "gravity" not in seen and not _weighs(judged, values):
-        return False
-    if term.name in SCALED and not term.numbers[0].low < values[0] < term.numbers[0].high:
-        return False
-    if _is_usual_offset(judged, term.name, values[0]):
-        return False
-    as_given = {t.key: t for t in found.base.model.terms}  # the final fit holds the inertia
-    number = as_given.get(term.key, term).numbers[0]
-    if number.prior:
-        tolerance = stated_tolerance(judged.case.joint, term)
-        if tolerance is None and number.scale >= 0.5:
-            return False  # a guess is corrected, not diagnosed
-        off = [np.log(x / term.nominal[0]) for x in (values[0], *inertia_by_torque(judged, term))]
-        nearest = min(np.abs(off)) if min(off) * max(off) > 0.0 else 0.0
-        return bool(nearest > OUTSIDE * (tolerance or number.scale))
-    pairs = zip(values, term.nominal, term.numbers, strict=True)
-    return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
-
-
-def _weighs(judged: Judgement, values: Sequence[float]) -> bool:
-    """Return whether the motor's torque shows about the weight that a fit has.
-
-    A single mass feels its whole weight there. One that only predictions show makes up for
-    something else, such as friction that is not as the table has it.
-    """
-    joint, logs = judged.case.joint, judged.case.logs
-    known = [e["gravity"] for e in (x.effects for x in inverse(joint, logs)) if "gravity" in e]
-    if joint.structure_row.size > 1 or not known:
-        return True
-    off = min(np.hypot(x - values[0], y - values[1]) for x, y in known)
-    return bool(off < AGREES * np.hypot(*values))
-
-
-def _is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
-    """Return whether a constant torque [N m] is no more than an amplifier's usual offset."""
-    p, log = judged.case.joint.parameters, judged.case.logs[0]
-    usual = USUAL_CURRENT if log.drive == "i" else USUAL_COMMAND * float(np.ptp(log.command))
-    small = abs(torque) <= OUTSIDE * p.k_t * p.n * usual
-    return name == "torque_offset" and not log.voltage and small
-
-
-def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:
-    """Return the intervals of a term; that of the inertia covers the results of regressions."""
-    term, found = spread.model.terms[index], spread.intervals(index)
-    if term.name in COMBINED:
-        return Scatter.of(spread).of_effect(term.name)
-    others = inertia_by_torque(judged, term)
-    for symbol, one in found.items() if others else ():
-        known = [x * one.value / spread.model.values(spread.fit.z)[index][0] for x in others]
-        found[symbol] = replace(one, low=min(one.low, *known), high=max(one.high, *known))
-    return found
-
-
-def _named(
-    judged: Judgement, problem: Problem, spread: Spread, index: int, term: Term
-) -> NamedEffect:
-    assert judged.found is not None
-    found = judged.found
-    worth, test = found.worths[index], judged.tests[index] if judged.tests else None
-    rivals = found.rivals[index] if index < len(found.rivals) else ()
-    genuine = tuple(r for r in rivals if r not in NESTED.get(term.name, ()))
-    same = tuple(n for n in EITHER.get(term.name, ()) if n not in genuine)
-    names = {t.name for t in found.fit.model.terms}
-    if term.name == "coulomb" and "torque_offset" in names:
-        same = ("coulomb_asym",)
-    if term.name in SKEW and len(SKEW & names) > 1:
-        same = tuple(sorted(SKEW - {term.name}))
-    same = (*same, *slow_alike(term.name, judged.joint, judged.case.logs[0]))
-    removed = _removed(found.less[index], found.fit)
-    firm = worth.clear > SURE * worth.needed and worth.fall > FIRM * worth.price
-    firm = firm and not genuine and not same
-    firm = firm and (test is None or test.fall > 0.0)
-    firm = firm and (term.name not in MIMICS or removed > MUCH)
-    firm = firm and (term.name != "stribeck" or _levelled(found.fit, index))
-    firm = firm and (term.name not in LATE or judged.case.logs[0].drive == "i")
-    firm = firm and not judged.unexplained and worst_row(judged).found < LOUD
-    firm = firm and not _is_strained(judged, term)
-    confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
-    return NamedEffect(
-        term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
-        "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
-        removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
-    )  # fmt: skip
-
-
-def _is_overwhelming(judged: Judgement, index: int) -> bool:
-    """Return whether an effect that one record can hardly show is seen far beyond doubt."""
-    assert judged.found is not None
-    worth = judged.found.worths[index]
-    removed = _removed(judged.found.less[index], judged.found.fit)
-    clear = worth.clear > SURE * worth.needed and worth.fall > LOUDEST * worth.price
-    return clear and removed > MUCH
-
-
-def _is_strained(judged: Judgement, term: Term) -> bool:
-    """Return whether another datasheet value had to leave its stated tolerance."""
-    assert judged.found is not None
-    given = {t.key for t in judged.found.base.model.terms}
-    fit = judged.found.fit
-    for other, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
-        stated = stated_tolerance(judged.case.joint, other) if other.key in given else None
-        if stated and other.key != term.key:
-            off = abs(float(np.log(values[0] / other.nominal[0])))
-            if off > STRAINED * stated:
-                return True
-    return False
-
-
-def _bends_visibly(judged: Judgement, index: int) -> bool:
-    """Return whether presliding moves by more than part of the error at the shortest horizon."""
-    assert judged.found is not None
-    fit, windows = judged.found.fit, judged.case.test
-    key = (MOTION, min(HORIZONS))
-    if key not in windows.keys:
-        return True
-    (sigma,) = fit.model.values(fit.z)[index]
-    pairs = zip(fit.model.terms, fit.model.values(fit.z), strict=True)
-    levels = [abs(v) for term, values in pairs if term.name in LEVELS for v in values]
-    at = windows.keys.index(key)
-    error = fit.relative()[judged.case.fit.keys.index(key)] * float(np.sqrt(windows.scales[at]))
-    return bool(max(levels, default=np.inf) / sigma > VISIBLE * error)
-
-
-def _levelled(fit: Fit, index: int) -> bool:
-    """Return whether dry friction falls to a level at speed rather than to zero."""
-    joint = fit.model.joint
-    levels = [
-        abs(value)
-        for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True)
-        for value in (values if term.name in LEVELS else ())
-    ]
-    own = fit.model.values(fit.z)[index][0]
-    return not LEVELS.isdisjoint(joint.effects) or max(levels, default=0.0) > LEAST_LEVEL * own
-
-
-NESTED: Mapping[str, tuple[str, ...]] = {
-    "coulomb": ("coulomb_asym", "stribeck", "presliding"),
-    "damping": ("viscous_asym",),
-    "torque_offset": ("gravity",),
-}
-"""Rivals of which a term is a special case."""
-
-
-def _removed(less: Fit, more: Fit) -> float:
-    """Return the largest share of the squared error of any kind that a term removes."""
-    one, two = less.relative() ** 2, more.relative() ** 2
-    return float(np.clip(np.max((one - two) / np.maximum(one, 1e-12)), 0.0, 1.0))
-
-
-def of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
-    """Return the effects of the drive between its command and the measured current."""
-    drive = judged.case.drive
-    if drive is None:
-        return ()
-    removed = 1.0 - (drive.after / max(drive.before, 1e-12)) ** 2
-    found = []
-    if drive.late:
-        low, high = drive.delay - drive.step, drive.delay + drive.step
-        delay = Interval(drive.delay, max(low, 0.0), high, "s")
-        found.append(("command_delay", {"delay": delay}))
-    if drive.lagging:
-        bandwidth = 1.0 / (2.0 * np.pi * drive.lag)
-        value = Interval(bandwidth, 0.7 * bandwidth, 1.4 * bandwidth, "Hz")
-        found.append(("current_lag", {"bandwidth": value}))
-    other = {"command_delay": ("current_lag",), "current_lag": ("command_delay",)}
-    return tuple(
-        NamedEffect(name, "drive", None, None, numbers, "tentative", 0.5, removed, other[name])
-        for name, numbers in found
-    )

@@ -21,10 +21,10 @@ from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.named import _deserves
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
-from cjt_gym.gap.horizons.tell import _deserves
 from cjt_gym.gap.horizons.worth import Worth
 from cjt_gym.gap.horizons.write import _torn
 from cjt_gym.gap.recorded.setting import make_setting

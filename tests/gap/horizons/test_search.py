@@ -15,11 +15,11 @@ from cjt_gym.gap.horizons.fit import Fit, Problem, _updated
 from cjt_gym.gap.horizons.found import Found, worths_of
 from cjt_gym.gap.horizons.grow import added, leaves
 from cjt_gym.gap.horizons.model import Model, Term
+from cjt_gym.gap.horizons.named import _is_strained
 from cjt_gym.gap.horizons.rivals import rivals_of
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.search import pruned, search
 from cjt_gym.gap.horizons.starts import _one_by_one
-from cjt_gym.gap.horizons.tell import _is_strained
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
