@@ -16,5 +16,7 @@
 `inverse`      what the torque is `spent` on, cogging `over_angle` among it
 `imposed`      motion that the torque does not determine
 `judge`        the table of horizons, and which joint is the answer
+`named`        which terms are named, and with which status
+`tell`         the answer as a diagnosis
 =============  ====================================================================
 """

@@ -163,7 +163,7 @@ def _weighs(judged: Judgement, values: Sequence[float]) -> bool:
     if joint.structure_row.size > 1 or not known:
         return True
     off = min(np.hypot(x - values[0], y - values[1]) for x, y in known)
-    return bool(off < AGREES * np.hypot(*values))
+    return bool(off < AGREES * np.hypot(values[0], values[1]))
 
 
 def is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
