@@ -17,6 +17,7 @@ from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.gap.recorded.series import ENOUGH, same_file
+from cjt_gym.gap.recorded.usable import check_one_joint
 from cjt_gym.gap.report import WIDTH, summary, write_report
 from cjt_gym.joint import (
     STRUCTURES,
@@ -80,6 +81,8 @@ def run(options: argparse.Namespace) -> Answer:
     file = _loaded(joint, options)
     fitted, notes = _read(options.records, options, file)
     held, more = _read(options.validate, options, file)
+    if options.joint is None:
+        check_one_joint([*fitted, *held])
     structure = options.structure or fitted[0].structure or file.structure
     if structure is None:
         raise ConfigurationError(

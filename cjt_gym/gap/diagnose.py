@@ -36,6 +36,7 @@ from cjt_gym.gap.next_record.suggest import ELSEWHERE, cautious, suggest
 from cjt_gym.gap.recorded.missing import not_judged
 from cjt_gym.gap.recorded.series import ENOUGH, Stretch, stretches
 from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
+from cjt_gym.gap.recorded.usable import COMMANDING, check_driven, check_one_joint
 from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
@@ -57,6 +58,8 @@ WITHIN = 2.5
 """Number of standard deviations of a datasheet value that count as its tolerance."""
 FAR = 3.0
 """Residual within tolerances, as a multiple of noise, above which there is a gap."""
+MOST = 0.5
+"""Share of a log above which it need not be said that the rest of it was not used."""
 BOTH_ENDS = "Record torque and angles at both ends of the spring: tau, q_m and q_l."
 KNOWN = 0.7
 """Share of the tolerance within which a fit must determine a datasheet value to refine it."""
@@ -65,8 +68,6 @@ MOVED = 0.1
 
 Ask = Callable[[], Suggestion]
 """Function that suggests what to record next; slower than most of a diagnosis."""
-COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
-"""Channels of which the stages need at least one."""
 
 
 @np.errstate(all="ignore")  # a trial step of a fit may overflow; it is then rejected
@@ -99,6 +100,9 @@ def diagnose(
     started = time.perf_counter()
     given, held = _as_list(records), _as_list(() if validate is None else validate)
     first = given[0]
+    if joint is None:
+        check_one_joint([*given, *held])
+    check_driven(given)
     file, shape = _joint(first, joint, structure)
     exam = examine(given, file, shape)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
@@ -129,7 +133,7 @@ def diagnose(
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return _with_structure_said(found, first, shape)
+    return _with_gaps_said(_with_structure_said(found, first, shape), given, whole)
 
 
 def _asked(ask: Ask) -> Suggestion:
@@ -207,6 +211,22 @@ def _with_structure_said(found: Diagnosis, record: Record, shape: Structure) -> 
     if record.structure in (None, shape.name):
         return found
     said = f"{record.owner} states {record.structure}, but was diagnosed as {shape.name}."
+    left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
+    return replace(found, unexplained=left)
+
+
+def _with_gaps_said(
+    found: Diagnosis, given: Sequence[Record], used: Sequence[Stretch]
+) -> Diagnosis:
+    """Return a diagnosis with a note if the stages could use little of a broken log."""
+    parts = [one.record for one in used]
+    total, kept = (sum(float(x.t[-1] - x.t[0]) for x in some) for some in (given, parts))
+    if kept > MOST * total:
+        return found
+    said = (
+        f"Of the {total:.3g} s of the log the stages could use {kept:.3g} s: it has gaps, and the "
+        "rest lies in pieces that are too short. Log without gaps."
+    )
     left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
     return replace(found, unexplained=left)
 

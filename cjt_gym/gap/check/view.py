@@ -12,7 +12,7 @@ from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
 from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
-from cjt_gym.joint import STRUCTURES, JointFile, Structure
+from cjt_gym.joint import STRUCTURES, JointFile, Structure, get_structure
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
@@ -306,8 +306,8 @@ class View:
 def _likely(record: Record, channels: Mapping[str, Channel], joint: JointFile | None) -> Structure:
     """Return the structure named in a record or joint, or the one suggested by the channels."""
     for name in (record.structure, None if joint is None else joint.structure):
-        if name in STRUCTURES:
-            return STRUCTURES[name]
+        if name is not None:
+            return get_structure(name)
     if "tau" not in channels:
         return STRUCTURES["rigid"]
     free = "q_l" in channels and channels["q_l"].moves

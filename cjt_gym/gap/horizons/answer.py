@@ -179,9 +179,11 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
         e if kept or e.name in MEASURES or e.status == "tentative" else as_tentative(e)
         for e in first.effects
     )
-    if first.verdict != "explained":
-        return replace(first, effects=effects)
     said = f"With the named effects {min(left, 1.0):.0%} of what was measured is left."
+    if first.verdict != "explained":
+        said = f"{said[:-1]} in a replay of the held-out record. " if far_off else ""
+        open_ = replace(first.unexplained, text=said + first.unexplained.text)
+        return replace(first, effects=effects, unexplained=open_)
     if not better or worse:
         said = f"{said[:-1]}: they do not make predictions better."
     elif predictable:

@@ -13,6 +13,7 @@ from cjt_gym.gap.horizons.named import as_tentative, effects_of, is_usual_offset
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.verdict import (
+    corrected,
     gap_of,
     main_row,
     refined,
@@ -81,7 +82,7 @@ def retold(
     unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
-    elif not effects and (said := refined(judged)):
+    elif said := corrected(judged) if effects else refined(judged):
         unexplained = replace(unexplained, text=f"{said} {unexplained.text}")
     if judged.cut and first.verdict == "unexplained":
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained

@@ -128,6 +128,22 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
     return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
 
 
+def corrected(judged: Judgement) -> str:
+    """Return sentences on the guesses of the datasheet that the answer corrects."""
+    nominal, answer = judged.case.joint, judged.joint
+    rows = [values for name, values in answer.effects.items() if name not in nominal.effects]
+    said = []
+    for symbol, quantity in nominal.parameters.quantities.items():
+        known = [float(v[symbol]) for v in rows if symbol in v]  # type: ignore[arg-type]
+        new = known[0] if known else answer.parameters.get(symbol, quantity.number)
+        if quantity.guess and abs(new - quantity.number) > REFINED * max(new, quantity.number):
+            said.append(
+                f"The guess of {symbol}, {quantity.number:.3g} {quantity.unit}, is corrected to "
+                f"{new:.3g}."
+            )
+    return " ".join(said)
+
+
 def refined(judged: Judgement, *, known: bool = False) -> str:
     """Return a sentence on values that differ from the datasheet though no effect is named.
 

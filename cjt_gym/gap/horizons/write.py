@@ -24,9 +24,7 @@ Floats = NDArray[np.float64]
 DIGITS = 8
 OPEN = "which leaves it open: it predicts best, and is not drawn"
 """What the source of a value says that the record hardly determines."""
-TORN = (
-    "which leaves it open: predictions and a regression of the torque disagree; low to high is both"
-)
+TORN = "open: predictions and a regression of the torque disagree; low to high covers both"
 """What the source of an inertia says on which they do."""
 RARE = 1e-3
 """Share of samples ignored at each end of the speed range, mostly glitches of a derivative."""
@@ -92,7 +90,9 @@ def _torn(judged: Judgement, scatter: Scatter) -> dict[str, Interval]:
     """
     model, fit = scatter.spread.model, scatter.spread.fit
     known, found = scatter.intervals(), {}
-    for index, term in enumerate(model.terms):
+    shape = judged.case.joint.structure_row
+    single = shape.size == 1 and not shape.output_fixed  # no spring hides the motor's inertia
+    for index, term in enumerate(model.terms if single else ()):
         factors = inertia_by_torque(judged, term)
         if not factors:
             continue

@@ -1,0 +1,73 @@
+"""What records are refused for, and what is said of those that are poor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
+from cjt_gym.gap import diagnose
+from cjt_gym.gap.check import examine
+from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.model import Draft, drafted
+from cjt_gym.gap.horizons.verdict import corrected
+from cjt_gym.gap.recorded.usable import check_driven, check_one_joint
+from cjt_gym.joint import get_structure, to_toml
+from cjt_gym.records import Record, read_record
+from tests.gap.horizons.rotor import INERTIA, datasheet, record
+
+
+def written(folder: Path, name: str, inertia: float) -> Record:
+    """Return a record that names a joint file beside it."""
+    made = record(seconds=2.0)
+    np.savez(folder / f"{name}.npz", **{n: made[n] for n in ("t", "q_m", "i")})
+    units = "\n".join(f'{n} = "{u}"' for n, u in (("t", "s"), ("q_m", "rad"), ("i", "A")))
+    text = f'joint = "{name}.joint.toml"\nstructure = "rigid"\n\n[units]\n{units}\n'
+    (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    joint = to_toml(datasheet(inertia))
+    (folder / f"{name}.joint.toml").write_text(joint, encoding="utf-8")
+    return read_record(folder / f"{name}.npz")
+
+
+def test_records_of_two_joints_are_not_diagnosed_together(tmp_path: Path) -> None:
+    one, same, other = (
+        written(tmp_path, name, x) for name, x in (("a", 2.0), ("b", 2.0), ("c", 3.0))
+    )
+    check_one_joint([one, same, record()])
+    with pytest.raises(ConfigurationError, match="of one joint"):
+        diagnose(one, validate=other)
+
+
+def test_a_joint_that_nothing_drives_is_not_diagnosed() -> None:
+    made = record(seconds=2.0)
+    still = made.with_columns({"i": np.full(len(made), 0.3)})
+    with pytest.raises(RecordError, match="never changes"):
+        diagnose(still, datasheet(), "rigid")
+    check_driven([record(seconds=2.0, pushed=True)])
+
+
+def test_an_unknown_structure_of_a_record_is_refused_by_check_too() -> None:
+    with pytest.raises(UnknownNameError, match="rigid"):
+        examine(replace(record(seconds=2.0), structure="rigit"), datasheet(), None)
+
+
+def test_a_guess_that_is_corrected_is_said() -> None:
+    case = make_case([record(seconds=4.0)], [], datasheet(), get_structure("rigid"))
+    draft = Draft(case.joint.file, case.joint.effects)
+    draft.row("inertia")["I_m"] = INERTIA
+    answer = drafted(case.joint, draft)
+    assert "0.04 kg m^2, is corrected to 0.02" in corrected(Judgement(case, "found", answer, ()))
+    assert corrected(Judgement(case, "datasheet", case.joint, ())) == ""
+
+
+def test_a_log_of_which_little_was_used_says_so() -> None:
+    made = record()
+    kept = (made.t < 1.5) | ((1000.0 * made.t).astype(int) % 400 < 300)
+    columns = {n: made[n][kept] for n in ("t", "q_m", "i")}
+    broken = Record(columns, made.units, structure="rigid")
+    assert "has gaps" in diagnose(broken, datasheet(), "rigid").unexplained.text
+    assert "has gaps" not in diagnose(made, datasheet(), "rigid").unexplained.text
