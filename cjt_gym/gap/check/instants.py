@@ -61,7 +61,7 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
             f"i follows i_cmd by {rows} rows whatever their duration: their rows belong to "
             f"different instants. Map i_cmd with samples_late = {1 - rows}."
         ], []
-    said = f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms)"
+    said = f"i follows i_cmd by {_samples(lag)} ({1e3 * lag * view.dt:.2g} ms)"
     if lag <= USUAL:
         return [], [
             f"{said}, as in a log that writes each command beside the measurements before it."
@@ -84,7 +84,7 @@ def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
         return [], []
     assert view.motor_angle is not None
     motion, torque = view.motor_angle, view.drive
-    time = f"{abs(shift):.2g} samples ({1e3 * abs(shift) * view.dt:.2g} ms)"
+    time = f"{_samples(abs(shift))} ({1e3 * abs(shift) * view.dt:.2g} ms)"
     if shift < 0.0:
         rows = round(-shift)
         return [
@@ -171,3 +171,9 @@ def _shift(view: View) -> float | None:
     if factors(tried[best], terms)[0] < HEAVY * factors(tried[none], terms)[0]:
         return None  # the lag is due to inertia
     return float(SHIFTS[best]) if left[best] ** 2 < CLEARLY * now**2 else 0.0
+
+
+def _samples(count: float) -> str:
+    """Return a number of samples in words."""
+    told = f"{count:.2g}"
+    return f"{told} sample" if told == "1" else f"{told} samples"

@@ -41,7 +41,7 @@ def summary(diagnosis: Diagnosis) -> str:
     if (ahead := horizon_table(diagnosis)) is not None:
         lines += ["", *ahead.text(WIDTH).splitlines(), ""]
     if diagnosis.unexplained.text != NOTHING_LEFT:
-        lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=3)
+        lines += _sentences(f"left: {diagnosis.unexplained.text}", 4)
     lines += _sentences(f"next: {diagnosis.suggestion.text}", 5)
     return "\n".join(lines)
 

@@ -219,11 +219,11 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     share = f"{percent(gap.removed)} of it" if moving and gap.removed >= NOTABLE else ""
     left = diagnosis.unexplained
     if left.stage is not None:
-        # Two measures, the error of the replay and the residual of a stage, are told apart.
+        # How much is another measure, of a stage's residual or a prediction: `left` tells it.
         fall = (
             f", so that the replay error falls from {percent(gap.before)} to {percent(gap.after)}"
         )
-        rest = f"of the residual of the {left.stage} stage {percent(left.share)} stays unexplained"
+        rest = f"something in the {left.stage} stage stays unexplained"
         return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
     if not moving:
         change = f"{percent(gap.before)} to {percent(gap.after)}"

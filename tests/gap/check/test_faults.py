@@ -198,7 +198,7 @@ def test_a_simulated_log_has_no_fault_in_its_instants() -> None:
     steps = np.repeat(rng.uniform(-20.0, 20.0, 80), 50)
     found = examine(arm.simulate(steps, dt_physics=1e-4), arm.file, None)
     assert not any("instants" in fault for fault in found.faults), found.faults
-    assert any("i follows i_cmd by 1 samples (1 ms), as in a log" in note for note in found.notes)
+    assert any("i follows i_cmd by 1 sample (1 ms), as in a log" in note for note in found.notes)
 
 
 def test_a_current_two_rows_late_is_found_by_an_uneven_clock() -> None:
