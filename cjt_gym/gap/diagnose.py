@@ -36,7 +36,7 @@ from cjt_gym.gap.next_record.suggest import ELSEWHERE, cautious, suggest
 from cjt_gym.gap.recorded.missing import not_judged
 from cjt_gym.gap.recorded.series import ENOUGH, Stretch, stretches
 from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
-from cjt_gym.gap.recorded.usable import COMMANDING, check_driven, check_one_joint
+from cjt_gym.gap.recorded.usable import check_one_joint
 from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
@@ -68,6 +68,8 @@ MOVED = 0.1
 
 Ask = Callable[[], Suggestion]
 """Function that suggests what to record next; slower than most of a diagnosis."""
+COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
+"""Channels of which the stages need at least one."""
 
 
 @np.errstate(all="ignore")  # a trial step of a fit may overflow; it is then rejected
@@ -102,7 +104,6 @@ def diagnose(
     first = given[0]
     if joint is None:
         check_one_joint([*given, *held])
-    check_driven(given)
     file, shape = _joint(first, joint, structure)
     exam = examine(given, file, shape)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
+from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.model import Draft, drafted
 from cjt_gym.gap.horizons.verdict import corrected
-from cjt_gym.gap.recorded.usable import check_driven, check_one_joint
+from cjt_gym.gap.recorded.usable import check_one_joint
 from cjt_gym.joint import get_structure, to_toml
 from cjt_gym.records import Record, read_record
 from tests.gap.horizons.rotor import INERTIA, datasheet, record
@@ -40,14 +40,6 @@ def test_records_of_two_joints_are_not_diagnosed_together(tmp_path: Path) -> Non
     check_one_joint([one, same, record()])
     with pytest.raises(ConfigurationError, match="of one joint"):
         diagnose(one, validate=other)
-
-
-def test_a_joint_that_nothing_drives_is_not_diagnosed() -> None:
-    made = record(seconds=2.0)
-    still = made.with_columns({"i": np.full(len(made), 0.3)})
-    with pytest.raises(RecordError, match="never changes"):
-        diagnose(still, datasheet(), "rigid")
-    check_driven([record(seconds=2.0, pushed=True)])
 
 
 def test_an_unknown_structure_of_a_record_is_refused_by_check_too() -> None:

@@ -133,10 +133,11 @@ def corrected(judged: Judgement) -> str:
     nominal, answer = judged.case.joint, judged.joint
     rows = [values for name, values in answer.effects.items() if name not in nominal.effects]
     said = []
-    for symbol, quantity in nominal.parameters.quantities.items():
-        known = [float(v[symbol]) for v in rows if symbol in v]  # type: ignore[arg-type]
+    guesses = {s: q for s, q in nominal.parameters.quantities.items() if q.guess}
+    for symbol, quantity in guesses.items():
+        known = [x for v in rows if isinstance(x := v.get(symbol), float)]
         new = known[0] if known else answer.parameters.get(symbol, quantity.number)
-        if quantity.guess and abs(new - quantity.number) > REFINED * max(new, quantity.number):
+        if abs(new - quantity.number) > REFINED * max(new, quantity.number):
             said.append(
                 f"The guess of {symbol}, {quantity.number:.3g} {quantity.unit}, is corrected to "
                 f"{new:.3g}."

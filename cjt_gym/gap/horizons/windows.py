@@ -252,7 +252,7 @@ def make_windows(
                 lead = np.minimum(_lead(log), room)
                 groups.append(Group(number, HORIZONS[:count], starts, length, numbers, lead))
     if whole:
-        longest = max(p.stop - p.start for p in pieces)
+        longest = max((p.stop - p.start for p in pieces), default=0)
         groups += [
             Group(p.log, (WHOLE,), np.array([p.start]), p.stop - p.start, np.array([k]),
                   np.array([0]))

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 DIGITS = 8
 OPEN = "which leaves it open: it predicts best, and is not drawn"
 """What the source of a value says that the record hardly determines."""
-TORN = "open: predictions and a regression of the torque disagree; low to high covers both"
+TORN = "open: predictions and a regression of the torque disagree, the interval covers both"
 """What the source of an inertia says on which they do."""
 RARE = 1e-3
 """Share of samples ignored at each end of the speed range, mostly glitches of a derivative."""
