@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.log import Log, to_logs
 from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, relative, split
+from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, split
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.quantity import Quantity
@@ -18,7 +18,6 @@ from cjt_gym.records import Record
 
 TEST = 200
 """Maximum number of windows on which models are compared."""
-ALL = np.ones(6, dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +57,6 @@ def make_case(
     own, kept = (pieces, cut(other)) if other else split(logs, pieces)
     whole = shape.output_fixed
     fit = make_windows(logs, own, whole=whole)
-    if not _followed(fit, joint):
-        logs, other = ([replace(log, known=ALL) for log in some] for some in (logs, other))
-        fit = make_windows(logs, own, whole=whole)
     test = make_windows(other or logs, kept or own, TEST, whole=whole)
     every = test if other else make_windows(logs, pieces, TEST, whole=whole)
     return Case(
@@ -72,18 +68,6 @@ def _supplied(file: JointFile, logs: Sequence[Log]) -> JointFile:
     """Return the joint file with the largest recorded voltage as its supply voltage."""
     most = Quantity(max(float(np.abs(log.command).max()) for log in logs), "V", "largest recorded")
     return replace(file, parameters=file.parameters.replace(v_0=most))
-
-
-def _followed(fit: Windows, joint: Joint) -> bool:
-    """Return whether estimating unmeasured states through the joint improves its predictions.
-
-    A heavy load swings on its spring; a light one stays with the motor as far as a log shows.
-    """
-    if all(log.known.all() for log in fit.logs):
-        return True
-    plain = replace(fit, logs=tuple(replace(log, known=ALL) for log in fit.logs))
-    errors = [relative(fit, windows.errors(joint)) for windows in (fit, plain)]
-    return bool(sum(np.log(errors[0][key] / errors[1][key]) for key in fit.keys) < 0.0)
 
 
 def as_joint(file: JointFile, case: Case) -> Joint:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.observer import observed
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import (
     HOUSING,
@@ -25,11 +26,10 @@ from cjt_gym.joint.arrays import (
 from cjt_gym.joint.batch import DELAYS, JointBatch, longest_substep
 from cjt_gym.joint.compiled import threaded
 from cjt_gym.joint.heat import cool, temper, warm
-from cjt_gym.joint.kernel import control_step, inlined_step, restart
+from cjt_gym.joint.kernel import inlined_step, restart
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 CHANNELS = {"q_m": 0, "q_l": 1, "tau": 2}
 SUBSTEP = 2e-3
 """Longest substep [s]: linear motion is exact at any; friction and ripple are second order."""
@@ -119,45 +119,6 @@ def heat_up(batch: Batch, currents: Floats, dt: float, out: Floats) -> None:
         warm(p, memory, flowing, dt)
 
 
-@threaded
-def follow(
-    batch: Batch,
-    setup: Setup,
-    commands: Floats,
-    loads: Floats,
-    states: Floats,
-    whole: Flags,
-    known: Flags,
-    work: Floats,
-    out: Floats,
-) -> None:
-    """Estimate unmeasured states by driving the joint with the measured ones.
-
-    The estimate restarts where the record is broken and where a state is no longer finite.
-
-    Args:
-        batch: A batch of one.
-        setup: Its setup.
-        commands: Currents [A] or voltages [V] of the record, shape (N,).
-        loads: Load torque [N m] or velocity [rad/s], shape (N,).
-        states: Measured states, shape (N, 6).
-        whole: Where the record is not broken, shape (N,).
-        known: Which of the states were measured, shape (6,).
-        work: Scratch space.
-        out: Receives the states, shape (N, 6).
-    """
-    good = False
-    for k in range(states.shape[0]):
-        for j in range(6):
-            if known[j] or not good:
-                batch.state[0, j] = states[k, j]
-        if not good:
-            restart(batch, setup, 0, loads[k], work)
-        for j in range(6):
-            out[k, j] = batch.state[0, j]
-        good = whole[k] and control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
-
-
 class Forecast:
     """A joint on one record, ready to be predicted in any windows of it.
 
@@ -171,15 +132,9 @@ class Forecast:
         self._command = np.ascontiguousarray(log.command)
         self._heat = _temperatures(self._batch, log)
         self._work = np.zeros((WORK_ROWS, WORK_WIDTH))
-        self.states = log.states if log.known.all() else self._followed()
-
-    def _followed(self) -> Floats:
-        log, out = self._log, np.empty_like(self._log.states)
-        follow(
-            self._batch.arrays, self._batch.setup, self._command, log.load, log.states, log.whole,
-            log.known, self._work, out,
-        )  # fmt: skip
-        return out
+        self.states = log.states
+        if not log.known.all():
+            self.states = observed(joint, self._batch, log, self._work)
 
     def windows(self, starts: Integers, lengths: Integers, leads: Integers) -> Floats:
         """Return predictions, shape (W, longest, 3); columns as in `CHANNELS`.

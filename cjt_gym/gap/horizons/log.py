@@ -13,6 +13,7 @@ from scipy.ndimage import binary_dilation
 from scipy.signal import savgol_filter
 
 from cjt_gym.errors import RecordError
+from cjt_gym.gap.horizons.spent import STUCK
 from cjt_gym.gap.recorded.series import current_before, same_file
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
@@ -136,7 +137,7 @@ def to_log(
     if sprung and followed and _followed(even["i"], even["i_cmd"]):
         drive, command = "i_cmd", even["i_cmd"]
     shown = _measured(record, even, file, structure, grid)
-    zero = _relaxed(shown, even.get("q_l"), command, structure)
+    zero = _relaxed(shown, even.get("q_l"), command, structure, dt)
     if "q_l" in shown:
         shown["q_l"] = shown["q_l"] + zero
     used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]
@@ -233,21 +234,33 @@ def _measured(
 
 
 def _relaxed(
-    measured: dict[str, Floats], q_l: Floats | None, drive: Floats, structure: Structure
+    measured: dict[str, Floats],
+    q_l: Floats | None,
+    drive: Floats,
+    structure: Structure,
+    dt: float,
 ) -> float:
     """Return the offset of the load's angle that makes deflection zero at zero torque [rad].
 
-    Encoder zeros are arbitrary: they follow from a regression of the deflection on the torque, or
-    on the input if the torque was not measured. The motor's angle is left unchanged, because
-    cogging and ripple refer to its zero.
+    Encoder zeros are arbitrary: they follow from a regression of the deflection on the torque, or,
+    if the torque was not measured, on the input and what inertia and friction take from it, which
+    may differ with the direction. The motor's angle is left unchanged, because cogging and ripple
+    refer to its zero.
     """
     if structure.groups[1] == structure.groups[2] or "q_m" not in measured:
         return 0.0
     if q_l is None and not structure.output_fixed:
         return 0.0
-    twist = measured["q_m"] - (q_l if q_l is not None else 0.0)
-    columns = np.stack([measured.get("tau", drive), np.ones(len(twist))], axis=1)
-    return float(np.linalg.lstsq(columns, twist, rcond=None)[0][1])
+    q_m = measured["q_m"]
+    twist = q_m - (q_l if q_l is not None else 0.0)
+    if "tau" in measured:
+        columns, use = [measured["tau"]], np.ones(len(twist), dtype=bool)
+    else:
+        twist, speed, acceleration = smoothed(twist, dt), *(smoothed(q_m, dt, k) for k in (1, 2))
+        use = np.abs(speed) > STUCK * float(np.sqrt(np.mean(speed**2)))
+        columns = [smoothed(drive, dt), acceleration, speed, np.abs(speed), np.sign(speed)]
+    rows = np.stack([*columns, np.ones(len(twist))], axis=1)
+    return float(np.linalg.lstsq(rows[use], twist[use], rcond=None)[0][-1])
 
 
 def _holes(grid: Floats, t: Floats, columns: list[Floats], dt: float) -> Flags:

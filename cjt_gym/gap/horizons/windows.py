@@ -45,6 +45,8 @@ STILL = 0.05
 """Share of a channel's mean square up to which nothing happens in a window."""
 TRIVIAL = 0.03
 """Relative error that is negligible."""
+AWAY = 100.0
+"""Largest relative error, which stands for a prediction that is not finite."""
 TINY = 1e-12
 _NONE: tuple[Integers, Integers] = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
@@ -126,8 +128,8 @@ class Windows:
     def errors(self, joint: Joint) -> list[Floats]:
         """Return predicted minus measured for each key, shape (windows, points) each.
 
-        Errors are relative to the rms change of the channel. They are 100 where the prediction is
-        not finite.
+        Errors are relative to the rms change of the channel. They are `AWAY` where the prediction
+        is not finite.
         """
         parts: dict[Key, list[Floats]] = {key: [] for key in self.keys}
         used = {group.log for group in self.groups}
@@ -146,8 +148,18 @@ class Windows:
         found = []
         for k, key in enumerate(self.keys):
             error = _joined(parts[key]) / np.sqrt(self.scales[k])
-            found.append(np.where(np.abs(error) < 100.0, error, 100.0))
+            found.append(np.where(np.abs(error) < AWAY, error, AWAY))
         return found
+
+    @property
+    def lost(self) -> list[Floats]:
+        """Errors of a joint that cannot be simulated, like those of `errors`."""
+        shapes: dict[Key, list[tuple[int, int]]] = {key: [] for key in self.keys}
+        for group in self.groups:
+            for key, points in self._kinds(group):
+                shapes[key].append((len(group.starts), len(points)))
+        sizes = ((sum(n for n, _ in s), max(m for _, m in s)) for s in shapes.values())
+        return [np.full(size, AWAY) for size in sizes]
 
     def _kinds(self, group: Group) -> list[tuple[Key, Integers]]:
         log = self.logs[group.log]
