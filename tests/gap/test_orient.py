@@ -90,6 +90,23 @@ def test_a_drive_without_a_spring() -> None:
     assert np.array_equal(oriented["q_m"], record["q_m"])
 
 
+def test_a_motor_that_brakes_what_a_measured_load_moves() -> None:
+    """The current opposes the motion all the time, and is none the less right."""
+    t = 2e-3 * np.arange(6000)
+    waves = [(0.4, 0.9), (0.2, 2.3), (0.05, 5.9)]
+    q, v, a = (
+        sum(x * w**k * np.sin(w * t + x + k * np.pi / 2.0) for x, w in waves) for k in range(3)
+    )
+    joint, structure = load_joint_file("emps"), get_structure("rigid")
+    braking = -2.0 * np.asarray(v)
+    load = 3.0 * np.asarray(a) + 1.5 * np.asarray(v) - braking
+    units = {"i": "A", "q_m": "rad", "tau_l": "N m"}
+    record = Record({"i": braking, "q_m": np.asarray(q), "tau_l": load}, units, dt=2e-3)
+    assert orient(record, joint, structure) == (record, ())
+    unaware = Record({"i": braking, "q_m": np.asarray(q)}, {"i": "A", "q_m": "rad"}, dt=2e-3)
+    assert orient(unaware, joint, structure)[1], "without the load the current looks reversed"
+
+
 def test_a_velocity_against_its_angle(free: Blind) -> None:
     record, joint, structure = free
     slope = np.gradient(record["q_m"], record.t)

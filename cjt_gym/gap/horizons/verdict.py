@@ -14,7 +14,7 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
-from cjt_gym.gap.horizons.judge import LOUD, Judgement, Row
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
 from cjt_gym.joint import Joint
@@ -96,13 +96,22 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
     """
     worst = worst_row(judged)
     loud = worst.found > (LOUD if worst.seconds != WHOLE else DRIFTLESS)
-    open_ = bool(judged.unexplained) or loud
+    open_ = bool(judged.unexplained) or loud or _is_unknown(worst)
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
         main = main_row(judged)
         moved = main.found < HALVED * main.datasheet and refined(judged, known=True)
-        return "unexplained" if moved or (open_ and (better or suspected or loud)) else "no_gap"
+        open_ = loud or _is_unknown(worst) or (open_ and (better or suspected))
+        return "unexplained" if moved or open_ else "no_gap"
     return "partly_explained" if open_ else "explained"
+
+
+def _is_unknown(row: Row) -> bool:
+    """Return whether an error that is not small may be predictable for all that a record shows.
+
+    A short record has too few windows to tell.
+    """
+    return row.left is None and row.seconds != WHOLE and row.found > NEAR
 
 
 def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexplained:
@@ -114,9 +123,14 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
         if verdict in ("explained", "no_gap"):
             return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
         share = min(main.found, 1.0) ** 2
+        rest = (
+            "; this record does not tell how much of it could be"
+            if _is_unknown(main)
+            else ", and no regression predicts it either"
+        )
         text = (
             f"Of what {main.channel} does within {_ahead(main)}, {main.found:.0%} is not "
-            "predicted, and no regression predicts it either."
+            f"predicted{rest}."
         )
         return Unexplained(share, STAGES[main.channel], f"{said} {text}".strip(), 0.0)
     predictable = min(row.found, 1.0) ** 2 * row.left.share

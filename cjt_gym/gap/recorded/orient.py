@@ -7,7 +7,7 @@ of its angle, the spring's torque grows with its deflection,
 
 and the motor's torque accelerates its inertia and loads the spring,
 
-    k_t n i = I ddq_m + d dq_m + friction + tau.
+    k_t n i = I ddq_m + d dq_m + friction + tau - tau_l.
 
 The signs that agree with these laws are found by exhaustive search; of equally good combinations
 the one that changes fewest channels counts. Reversing all signs agrees just as well: which
@@ -205,6 +205,8 @@ class _Motor:
         }
         if "tau" in channels:
             terms["tau"] = savgol_filter(channels["tau"], width, 3)
+        if "tau_l" in channels:  # it accelerates the joint as the motor does, which may oppose it
+            terms["tau_l"] = -savgol_filter(channels["tau_l"], width, 3)
         return cls(driving, drive, terms)
 
     def fit(self) -> tuple[dict[str, float], float]:

@@ -19,12 +19,14 @@ from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
-from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.named import _deserves
+from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
+from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
 from cjt_gym.gap.horizons.worth import Worth
 from cjt_gym.gap.horizons.write import _torn
 from cjt_gym.gap.recorded.setting import make_setting
@@ -97,3 +99,17 @@ def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Dia
     assert delay.status == "tentative"
     assert delay.parameters["delay"].value == 4e-3
     assert _with_late_drive(told, found).effects == told.effects
+
+
+@pytest.mark.parametrize(
+    ("left", "verdict"), [(None, "unexplained"), (Predictable(0.02, 0.05, 80), "no_gap")]
+)
+def test_what_nobody_could_judge_is_not_called_no_gap(
+    left: Predictable | None, verdict: str, case: Case
+) -> None:
+    """Of a short record no regression tells whether 42 % of the motion could be predicted."""
+    rows = tuple(Row(s, "q_m", 0.5, None, 0.42, 0.4 if left else None, left) for s in (0.02, 0.1))
+    judged = Judgement(case, "base", case.joint, rows)
+    assert verdict_of(judged, (), suspected=False) == verdict
+    said = unexplained_of(judged, verdict, ()).text
+    assert ("does not tell how much of it could be" in said) == (left is None)
