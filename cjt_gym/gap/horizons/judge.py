@@ -191,7 +191,7 @@ def judge(
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
     base = Model(case.joint, base_terms(case.joint, scales))
-    refined = {name for name in excluded if name in REFINED}
+    refined = {name for name in excluded if name in (*REFINED, "thermal_derating")}
     seen = seen_in_torque(case.joint, case.logs, {"cogging"} & set(excluded))
     given = {t.key for t in base.terms}
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]

@@ -42,6 +42,13 @@ FALLEN = 1.0
 takes the place of the Coulomb friction that every joint has."""
 MOST_LOST = 0.5
 """Largest share of the transmitted torque lost to friction, as in the effect table."""
+DERATING, WEAKER = 0.002, 0.2
+"""Loss of torque per kelvin of the winding, of which a record shows only the product with two
+resistances, and the loss at the rms current from which a search starts."""
+WARMING = (1.0, 4.0, 16.0)
+"""Thermal time constants from which a search starts [s]."""
+HOUSING = 1e3
+"""Time constant of a housing that no record shows, relative to the winding's."""
 BODIES = {"m": "motor", "g": "gear", "l": "load"}
 
 
@@ -85,10 +92,11 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
         *_friction(joint, scales, "m"),
         _offset(scales),
         *_drive(logs, held=shape.output_fixed),
+        *_derating(joint, logs),
     ]
     free = shape.groups[2] >= 0
     if free and shape.groups[2] != shape.groups[0]:
-        found += [_load_coulomb(scales), _load_damping(joint, scales)]
+        found += [*_load_friction(scales), _load_damping(joint, scales)]
     if free and joint.parameters.axis == "rotary" and scales.travel > SWING:
         found.append(_gravity(joint, scales))
     measured = set().union(*(log.measured for log in logs))
@@ -107,6 +115,17 @@ def likelier(terms: Sequence[Term], names: Collection[str]) -> list[Term]:
 
 def _level(symbol: str, scales: Scales) -> Number:
     return Free(symbol, "N m", 0.0, 0.05 * scales.torque, low=0.0, high=5.0 * scales.peak)
+
+
+def _slip(scales: Scales) -> Number:
+    """Return the velocity at which friction falls."""
+    v = scales.speed
+    return Free("v_s", "rad/s", 0.1 * v, 0.5, True, 0.003 * v, FALLEN * v)
+
+
+def _falling(scales: Scales) -> tuple[tuple[float, float], ...]:
+    """Return levels of friction that falls, and velocities, from which a search starts."""
+    return tuple((0.2 * scales.torque, k * scales.speed) for k in (0.02, 0.1, 0.4))
 
 
 def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
@@ -143,9 +162,6 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
 
     d_c = _level(f"d_c{body}", scales)
     rise = Free(f"d_s{body}", "N m", 0.0, 0.05 * scales.torque, low=0.0, high=3.0 * scales.peak)
-    v_s = Free(
-        "v_s", "rad/s", 0.1 * scales.speed, 0.5, True, 0.003 * scales.speed, FALLEN * scales.speed
-    )
     slope = 0.1 * scales.torque / scales.speed
     steep = scales.torque / scales.travel
     sigma = Free(f"sigma_{body}", "N m/rad", 100.0 * steep, 0.7, True, 0.5 * steep, 1e6 * steep)
@@ -158,9 +174,8 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
         Term("coulomb_asym", (d_c, _level(f"d_c{body}_n", scales)), asymmetric, name,
              replaces=("coulomb",), starts=((level, 0.5 * level), (0.5 * level, level)),
              nominal=(nominal, nominal), family="dry"),
-        Term("stribeck", (rise, v_s), sets("stribeck", f"d_s{body}", "v_s"), name,
-             needs=("coulomb", "coulomb_asym"),
-             starts=tuple((level, k * scales.speed) for k in (0.02, 0.1, 0.4)),
+        Term("stribeck", (rise, _slip(scales)), sets("stribeck", f"d_s{body}", "v_s"), name,
+             needs=("coulomb", "coulomb_asym"), starts=_falling(scales),
              nominal=(0.0, 0.1 * scales.speed), family="dry"),
         Term("presliding", (sigma,), presliding, name, needs=("coulomb", "coulomb_asym"),
              starts=tuple((k * steep,) for k in (10.0, 100.0, 1e3, 1e4)), nominal=(1e6 * steep,),
@@ -205,6 +220,31 @@ def _drive(logs: Sequence[Log], *, held: bool) -> list[Term]:
     ]  # fmt: skip
 
 
+def _derating(joint: Joint, logs: Sequence[Log]) -> list[Term]:
+    """Return the term of a motor that weakens as its windings warm up, driven by a current."""
+    flow = max(float(np.sqrt(np.mean(log.command[log.whole] ** 2))) for log in logs)
+    if logs[0].voltage or flow <= 0.0:
+        return []
+    ohms = joint.parameters.get("r", float(np.clip(10.0 / flow**2, 1e-3, 100.0)))
+    usual = WEAKER / (DERATING * ohms * flow**2)
+    low, high = 1e-3 * usual, 20.0 * usual
+    resistance = Free("r_th1", "K/W", usual, 0.3, True, low, high)
+    time = Free("T_thw", "s", WARMING[1], 0.3, True, 0.2, 100.0)
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        through, slow = values
+        row = draft.row("thermal_derating")
+        row |= {"derating": DERATING, "r": ohms, "r_th1": through, "r_th2": through}
+        row |= {"T_thw": slow, "T_thm": HOUSING * slow, "a_CU": 0.0}
+
+    return [
+        Term(
+            "thermal_derating", (resistance, time), put, nominal=(low, WARMING[1]),
+            starts=tuple((usual, x) for x in WARMING), factor=RARE,
+        )
+    ]  # fmt: skip
+
+
 def _late(dt: float, longest: float) -> Number:
     """Return a delay whose finite-difference step is a whole substep of the kernel."""
     substep = dt / math.ceil(dt / SUBSTEP - 1e-9)
@@ -234,11 +274,16 @@ def cogging(one: Spent) -> Term:
     return Term("cogging", numbers, put, "motor", starts=(one.values,), nominal=(f, 0.0, 0.0))
 
 
-def _load_coulomb(scales: Scales) -> Term:
-    return Term(
-        "load_coulomb", (_level("d_cl", scales),), sets("load_coulomb", "d_cl"), "load",
-        starts=((0.2 * scales.torque,),), nominal=(0.0,), family="dry",
-    )  # fmt: skip
+def _load_friction(scales: Scales) -> list[Term]:
+    level = 0.2 * scales.torque
+    rise = Free("d_sl", "N m", 0.0, 0.05 * scales.torque, low=0.0, high=3.0 * scales.peak)
+    return [
+        Term("load_coulomb", (_level("d_cl", scales),), sets("load_coulomb", "d_cl"), "load",
+             starts=((level,),), nominal=(0.0,), family="dry"),
+        Term("stribeck", (rise, _slip(scales)), sets("stribeck", "d_sl", "v_s"), "load",
+             needs=("load_coulomb",), starts=_falling(scales),
+             nominal=(0.0, 0.1 * scales.speed), family="dry"),
+    ]  # fmt: skip
 
 
 def _load_damping(joint: Joint, scales: Scales) -> Term:
