@@ -321,20 +321,62 @@ def test_friction_that_may_be_asymmetric_is_not_confirmed_as_symmetric(
     assert ("coulomb_asym" in effect.confusable_with) == (status == "tentative")
 
 
+def load_record(effects: dict[str, dict[str, float]], seconds: float = 8.0) -> tuple[Record, Joint]:
+    """Return current and motor angle of a compliant joint whose load rubs, and the joint."""
+    true = {"I_l": 2.0, "d_l": 0.5, "d_gl": 6.0}
+    joint = load_joint("orange_80_6000", "rigid_gearbox", parameters=true, effects=effects)
+    size = round(seconds / DT)
+    p, rng, t = joint.parameters, np.random.default_rng(4), DT * np.arange(size)
+    torque = 20.0 * np.sin(2.0 * np.pi * 1.3 * t) + 10.0 * np.sin(2.0 * np.pi * 7.0 * t)
+    torque += 8.0 * rng.uniform(-1.0, 1.0, size // 100)[(t / 0.1).astype(int)]
+    made = quiet(joint).simulate(torque, dt=DT)
+    columns = {"t": t, "i": torque / (p.k_t * p.n)}
+    columns["q_m"] = made["true_q_m"] + rng.normal(0.0, 1e-6, size)
+    columns["q_l"] = made["true_q_l"] + rng.normal(0.0, 1e-6, size)
+    units = {"t": "s", "i": "A", "q_m": "rad", "q_l": "rad"}
+    return Record(columns, units, structure=joint.structure), joint
+
+
 def test_friction_of_a_load_is_told_where_predictions_show_it() -> None:
     """Of a compliant joint, by the motor alone: tentatively, as the examination excludes it."""
-    true = {"I_l": 2.0, "d_l": 0.5, "d_gl": 6.0}
-    dry = {"load_coulomb": {"d_cl": 3.0}}
-    joint = load_joint("orange_80_6000", "rigid_gearbox", parameters=true, effects=dry)
-    p, rng, t = joint.parameters, np.random.default_rng(4), DT * np.arange(8000)
-    torque = 20.0 * np.sin(2.0 * np.pi * 1.3 * t) + 10.0 * np.sin(2.0 * np.pi * 7.0 * t)
-    torque += 8.0 * rng.uniform(-1.0, 1.0, 80)[(t / 0.1).astype(int)]
-    angle = quiet(joint).simulate(torque, dt=DT)["true_q_m"] + rng.normal(0.0, 1e-6, 8000)
-    made = Record(
-        {"t": t, "i": torque / (p.k_t * p.n), "q_m": angle},
-        {"t": "s", "i": "A", "q_m": "rad"},
-        structure=joint.structure,
+    made, joint = load_record({"load_coulomb": {"d_cl": 3.0}})
+    few = Record(
+        {n: made[n] for n in ("t", "i", "q_m")},
+        {n: made.units[n] for n in ("t", "i", "q_m")},
+        structure=made.structure,
     )
-    (effect,) = diagnose(made, joint.file).effects
+    (effect,) = diagnose(few, joint.file).effects
     assert (effect.name, effect.status) == ("load_coulomb", "tentative")
     assert effect.parameters["d_cl"].value == pytest.approx(3.0, rel=0.1)
+
+
+def test_friction_of_a_load_that_falls_with_speed_is_not_called_plain() -> None:
+    """Without a measured torque the stages judge spring and load as one, and a search decides."""
+    dry = {"load_coulomb": {"d_cl": 2.0}, "stribeck": {"d_sl": 4.0, "v_s": 0.15}}
+    made, joint = load_record(dry)
+    (effect,) = diagnose(made, joint.file).effects
+    assert (effect.name, effect.body) == ("stribeck", "load")
+    assert effect.parameters["d_cl"].value == pytest.approx(2.0, rel=0.1)
+    assert effect.parameters["d_sl"].value == pytest.approx(4.0, rel=0.2)
+
+
+def test_a_motor_that_weakens_is_recognised_by_command_and_angle_alone() -> None:
+    """With a held output and no torque sensor; the motor loses a third of its torque."""
+    time, loss = 3.0, 0.06
+
+    def drive(wanted: np.ndarray) -> np.ndarray:
+        level, out = 0.0, np.empty_like(wanted)
+        for k, a in enumerate(wanted):
+            out[k] = a * (1.0 - loss * level)
+            level += DT / time * (a * a - level)
+        return out
+
+    made, columns = simulate(seconds=10.0, drive=drive), ("i_cmd", "q_m")
+    few = Record(
+        {n: made[n] for n in columns}, {n: made.units[n] for n in columns}, dt=DT,
+        structure=made.structure,
+    )  # fmt: skip
+    (effect,) = diagnose(few, nominal()).effects
+    assert effect.name == "thermal_derating"
+    slow = {"T_thw", "time_constant"} & effect.parameters.keys()
+    assert effect.parameters[slow.pop()].value == pytest.approx(time, rel=0.2)

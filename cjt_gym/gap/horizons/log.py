@@ -242,10 +242,10 @@ def _relaxed(
 ) -> float:
     """Return the offset of the load's angle that makes deflection zero at zero torque [rad].
 
-    Encoder zeros are arbitrary: they follow from a regression of the deflection on the torque, or,
-    if the torque was not measured, on the input and what inertia and friction take from it, which
-    may differ with the direction. The motor's angle is left unchanged, because cogging and ripple
-    refer to its zero.
+    Encoder zeros are arbitrary: they follow from a regression of the deflection on the torque, or
+    on the input if the torque was not measured. Of a held output also on what inertia and friction
+    take from the input, which may differ with the direction. The motor's angle is left unchanged,
+    because cogging and ripple refer to its zero.
     """
     if structure.groups[1] == structure.groups[2] or "q_m" not in measured:
         return 0.0
@@ -253,8 +253,8 @@ def _relaxed(
         return 0.0
     q_m = measured["q_m"]
     twist = q_m - (q_l if q_l is not None else 0.0)
-    if "tau" in measured:
-        columns, use = [measured["tau"]], np.ones(len(twist), dtype=bool)
+    if "tau" in measured or not structure.output_fixed:
+        columns, use = [measured.get("tau", drive)], np.ones(len(twist), dtype=bool)
     else:
         twist, speed, acceleration = smoothed(twist, dt), *(smoothed(q_m, dt, k) for k in (1, 2))
         use = np.abs(speed) > STUCK * float(np.sqrt(np.mean(speed**2)))

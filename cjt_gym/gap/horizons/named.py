@@ -38,6 +38,8 @@ SCALED = frozenset({"torque_gain", "torque_constant"})
 """Effects that are dropped if their number ends at a bound, which no sensor or motor reaches."""
 LEVELS = frozenset({"coulomb", "coulomb_asym"})
 """Dry friction that remains at speed; without it, Stribeck friction would fall to zero."""
+PLAIN, REFINEMENTS = frozenset({"coulomb", "load_coulomb"}), frozenset({"presliding", "stribeck"})
+"""Plain dry friction, and laws that are told together with it."""
 VISIBLE = 0.3
 """Presliding displacement, relative to the error at the shortest horizon, that is visible."""
 MIRRORED = 1.5
@@ -93,13 +95,13 @@ def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
 
 
 def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """Return effects with dry friction merged into presliding if that explains much."""
-    whole = {e.body: e for e in named if e.name == "presliding" and e.gap_removed > MUCH}
-    parts = {e.body: e for e in named if e.name == "coulomb" and e.body in whole}
+    """Return effects with dry friction merged into a refinement of it that explains much."""
+    whole = {e.body: e for e in named if e.name in REFINEMENTS and e.gap_removed > MUCH}
+    parts = {e.body: e for e in named if e.name in PLAIN and e.body in whole}
     rest = [e for e in named if e not in parts.values()]
     return [
         replace(e, parameters={**parts[e.body].parameters, **e.parameters})
-        if e.body in parts and e.name == "presliding"
+        if e.body in parts and e is whole[e.body]
         else e
         for e in rest
     ]
