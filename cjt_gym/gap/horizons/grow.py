@@ -18,6 +18,11 @@ FULL = 3
 """Number of candidates fitted fully after a quick look at all."""
 
 
+BRISTLES = frozenset({"presliding", "spring_hysteresis"})
+"""Laws with elastic elements that slip. Hardly any record tells two of them apart, and a joint that
+has both takes ten times as long to simulate."""
+
+
 def added(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:
     """Return a model with one more term, which may replace others, and its coordinates."""
     if term.tight is not None:
@@ -80,6 +85,8 @@ def allowed(fit: Fit, term: Term) -> bool:
     if term.name == "coulomb" and "coulomb_asym" in names:
         return False
     if term.name == "torque_offset" and names & {"gravity", "coulomb_asym", "viscous_asym"}:
+        return False
+    if term.name in BRISTLES and names & (BRISTLES - {term.name}):
         return False
     if term.name == "viscous_asym" and "torque_offset" in names:
         return False
