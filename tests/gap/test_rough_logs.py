@@ -155,6 +155,17 @@ def test_noise_that_is_stated_too_large_hides_nothing(stated: float, counts: flo
     assert channel_noise(series, known, "q_m", 0.0).std == pytest.approx(counts * true, rel=0.1)
 
 
+def test_a_coarse_channel_is_seen_although_its_stamps_move_it_to_even_times() -> None:
+    rng, step = np.random.default_rng(0), 0.01
+    even = DT * np.arange(4000)
+    late = even + 0.08 * DT * rng.standard_normal(len(even))
+    q = step * np.round(np.sin(2.0 * np.pi * late) / step)
+    columns = {"t": late, "q_m": q, "i_cmd": np.cos(even)}
+    made = Record(columns, {"t": "s", "q_m": "rad", "i_cmd": "A"})
+    setting = make_setting(made, datasheet(), RIGID)
+    assert setting.noise["q_m"].lattice == pytest.approx(step)
+
+
 def test_what_the_clock_scatters_is_no_noise_of_a_channel() -> None:
     own, late = 1e-5, 1e-4  # noise [rad], deviation of the sampling times [s]
     rng = np.random.default_rng(0)

@@ -16,7 +16,7 @@ from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, jud
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import LATE, as_tentative, of_drive
 from cjt_gym.gap.horizons.tell import horizons_of, retold
-from cjt_gym.gap.horizons.verdict import main_row, unexplained_of
+from cjt_gym.gap.horizons.verdict import BESIDE, NAMELESS, main_row, unexplained_of
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
@@ -42,6 +42,8 @@ GONE = 0.2
 """Ratio to the datasheet's error below which the stages' effects stay confirmed nevertheless."""
 MOSTLY = 0.5
 """Predictable share of the squared error above which the stages' effects explain too little."""
+ROUNDED = "quantization"
+"""Effect that no other can cause: values that lie on a lattice."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -103,15 +105,20 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, found: Judgement) -> Diag
         for e in first.effects
         if e.name in MEASURES or (measured and e.stage == "drive" and e.name not in known)
     ]
-    if first.verdict not in SETTLED:  # something else may have scattered the channel
-        seen = [as_tentative(e) for e in seen if told.verdict != "no_gap"]
+    if first.verdict not in SETTLED:  # something else may have scattered a channel, but not rounded
+        sure = told.verdict != "no_gap"
+        seen = [as_tentative(e) for e in seen if sure or e.name == ROUNDED]
     if not seen:
         return told
     least = min((e.gap_removed for e in told.effects), default=1.0)
     more = [replace(e, gap_removed=min(e.gap_removed, least)) for e in seen]
     verdict = {"no_gap": "explained", "unexplained": "partly_explained"}
+    left = replace(told.unexplained, text=told.unexplained.text.replace(NAMELESS, BESIDE))
     return replace(
-        told, effects=(*told.effects, *more), verdict=verdict.get(told.verdict, told.verdict)
+        told,
+        effects=(*told.effects, *more),
+        verdict=verdict.get(told.verdict, told.verdict),
+        unexplained=left,
     )
 
 

@@ -28,6 +28,9 @@ HEAVY = 10.0
 """Multiple of the inertia of datasheet and regressions at or above which it is not realistic."""
 REFINED = 0.1
 """Relative difference above which a refined value is reported."""
+NAMELESS = "No cause is named; refined values predict better:"
+BESIDE = "Refined values predict better:"
+"""What introduces values that differ from the datasheet without and beside a cause."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
 
 
@@ -179,7 +182,7 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
             continue
         if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
-    return f"No cause is named; refined values predict better: {', '.join(said)}." if said else ""
+    return f"{NAMELESS} {', '.join(said)}." if said else ""
 
 
 def _guessed(joint: Joint, term: Term) -> bool:

@@ -49,7 +49,9 @@ class ChannelNoise:
     jitter: float  # deviation of the sampling times that this channel shows [s]
 
 
-def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> ChannelNoise:
+def channel_noise(
+    series: Series, joint: JointFile, name: str, slope: float, logged: Floats | None = None
+) -> ChannelNoise:
     """Return the scatter of a channel.
 
     Args:
@@ -57,13 +59,15 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
         joint: The joint, for its specification.
         name: The channel.
         slope: Jitter of the sampling times [s], whose share is not the channel's own noise.
+        logged: Its values as they were logged, NaN where one is missing; on an even grid they may
+            lie on no lattice any more. By default those of the series.
     """
     known = joint.sensors.get(name, {})
     resolution = known["resolution"].number if "resolution" in known else 0.0
     noise = known["noise"].number if "noise" in known else 0.0
     specified = float(np.hypot(noise, resolution / np.sqrt(12.0)))
     x = series[name]
-    lattice = lattice_step(x[series.valid[name]])
+    lattice = lattice_step(x[series.valid[name]] if logged is None else logged[np.isfinite(logged)])
     shaken = slope * np.abs(series.speed(name))
     observed = high_frequency_std(x, series.valid[name], shaken)
     other = high_frequency_std(x, series.valid[name], shaken, OTHER_ORDER)

@@ -118,8 +118,9 @@ def make_setting(
     series = to_series(record, joint, structure, zero_at, log)
     sampling = joint.sampling.get("jitter")
     jitter = sampling.number if sampling is not None else 0.0
+    logged = {name: record[name] for name in record.columns}
     noise = {
-        name: channel_noise(series, joint, name, jitter)
+        name: channel_noise(series, joint, name, jitter, logged.get(name))
         for name in series.columns
         if name != "i_cmd"
     }

@@ -12,7 +12,8 @@ import pytest
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.candidate import scales
 from cjt_gym.gap.candidates.drive import drive_rows
-from cjt_gym.gap.horizons.answer import _with_late_drive
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
 from cjt_gym.gap.horizons.base_rows import base_terms
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.drive import DriveFit
@@ -99,6 +100,28 @@ def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Dia
     assert delay.status == "tentative"
     assert delay.parameters["delay"].value == 4e-3
     assert _with_late_drive(told, found).effects == told.effects
+
+
+def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(
+    case: Case, told: Diagnosis
+) -> None:
+    """What shakes a stage may scatter a channel as noise does, but puts it on no lattice."""
+    step = {"resolution": Interval(1e-3, 1e-3, 1e-3, "rad")}
+    coarse, noisy = (
+        NamedEffect(name, "sensing", None, "q_m", step, "confirmed", 0.9, 0.1, (), 1.0)
+        for name in ("quantization", "noise")
+    )
+    first = replace(told, verdict="partly_explained", effects=(coarse, noisy))
+    text = "No cause is named; refined values predict better: damping 2 for 1."
+    silent = replace(told, verdict="no_gap", effects=())
+    silent = replace(silent, unexplained=replace(told.unexplained, text=text))
+    found = _with_elsewhere(silent, first, Judgement(case, "base", case.joint, ()))
+    assert [(e.name, e.status) for e in found.effects] == [("quantization", "tentative")]
+    assert found.verdict == "explained"
+    assert found.unexplained.text == "Refined values predict better: damping 2 for 1."
+    sure = replace(first, verdict="explained")
+    settled = _with_elsewhere(silent, sure, Judgement(case, "base", case.joint, ()))
+    assert [e.name for e in settled.effects] == ["quantization", "noise"]
 
 
 @pytest.mark.parametrize(
