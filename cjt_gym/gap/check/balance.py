@@ -40,6 +40,8 @@ class Balance:
     scatter: float  # standard deviation of a smoothed sample of y about its terms [N m]
     width: int  # number of samples of the smoothing window
     level: float  # 95 % quantile of the motor or load torque that drives the body [N m]
+    # whether nothing drives it, so that y is the torque of the datasheet's inertia
+    coasts: bool = False
     _left: dict[tuple[str, ...], Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:

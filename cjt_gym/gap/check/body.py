@@ -33,6 +33,7 @@ class Body:
     torque_noise: float  # standard deviation of a sample of that torque
     # returns the motor's torque, from the channels of a stretch
     driving: Callable[[Columns], Floats]
+    inertia: float  # of the datasheet [kg m^2]; 1 if unknown
 
     def motions(self, width: int) -> list[Columns]:
         """Return its smoothed motion for each stretch that is long enough."""
@@ -64,8 +65,12 @@ class Body:
         if len(y) < FEWEST:
             return None
         joined |= {"s": np.sign(joined["v"]), "one": np.ones(len(y))}
+        if coasts := float(np.quantile(np.abs(y), 0.95)) == 0.0:
+            joined = {name: x[y == 0.0] for name, x in joined.items()}
+            y = joined["u"] = -self.inertia * joined["a"]  # what the others are compared with
         level = max(float(np.quantile(np.abs(joined[name]), 0.95)) for name in ("u", "pushed"))
-        return Balance(y, joined, self._scatter(y, joined, width), width, level)
+        scatter = self._scatter(y, joined, width, coasts)
+        return Balance(y, joined, scatter, width, level, coasts)
 
     def _part(self, k: int, piece: Columns, width: int, limit: float) -> Columns:
         """Return the columns of a stretch where the body moves."""
@@ -79,14 +84,15 @@ class Body:
         moving[: width // 2] = moving[-(width // 2) :] = False
         return {name: x[moving] for name, x in found.items()}
 
-    def _scatter(self, y: Floats, columns: Columns, width: int) -> float:
+    def _scatter(self, y: Floats, columns: Columns, width: int, coasts: bool) -> float:
         """Return the scatter of a balance: its residual, limited to a multiple of the noise."""
         plain = [columns[name] for name in ("a", "v", "s", "one")]
+        plain = plain[1:] if coasts else plain
         v = columns["v"]
         quick = max(float(np.quantile(np.abs(v), 0.9)), 1e-300)
         slow = np.exp(-np.abs(v) / (0.1 * quick)) * columns["s"]
         left = left_over(y, [*plain, np.abs(v), v * np.abs(v), slow])
-        inertia = float(factors(y, plain)[0])
+        inertia = self.inertia if coasts else float(factors(y, plain)[0])
         shaken = inertia * self.angle_noise * gain(width, 2, self.dt, self.angle)
         noise = float(np.hypot(shaken, self.torque_noise / np.sqrt(width)))
         return max(min(left, CLEAN * noise), 1e-12 * float(np.std(y)), 1e-300)

@@ -38,6 +38,7 @@ APART = 0.05
 """Least share of an effect's torque that other effects cannot explain."""
 LOADED = 0.05
 """Least gravity torque that counts as a load, relative to the driving torque."""
+COASTS = "nothing drives the joint: friction and weight show relative to its inertia only"
 TURN = "Record motion in both directions, as often in one as in the other."
 SPREAD = "Record slow and fast motion: ramps from rest to full speed in both directions."
 
@@ -94,19 +95,16 @@ def inertia(view: View, balance: Balance) -> Verdict:
     """Judge inertia, which requires inertial torque above the noise and fast enough sampling."""
     if (fast := too_fast(view)) is not None:
         return fast
+    if balance.coasts:
+        return Unseen(COASTS, "Record motion under a torque that is measured or commanded.")
     size = balance.least(balance["a"], ("v", "s", "one"))
     found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
-    nominal = sum(view.value(name) for name in bodies(view))
+    nominal = sum(view.value(name) for name in view.inertias)
     unit = view.inertia_unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
     if size <= INERTIA * max(nominal, found):
         return Seen(size, unit)
     why = f"{only_from(size, unit)}, more than the joint has"
     return Unseen(why, "Record quick motion: steps of the current, or a chirp.")
-
-
-def bodies(view: View) -> tuple[str, ...]:
-    """Return the inertias that the motor's balance contains."""
-    return ("I_m", "I_g") if view.structure.output_fixed or view.cut else ("I_m", "I_g", "I_l")
 
 
 def too_fast(view: View) -> Unseen | None:

@@ -156,7 +156,8 @@ class View:
             return None
         power = (self.torque_per_input * self._noise(self.drive)) ** 2
         power += self._noise("tau") ** 2 if self.cut else 0.0
-        return self._body(self.motor_angle, self.motor_torque, float(np.sqrt(power)))
+        noise = float(np.sqrt(power))
+        return self._body(self.motor_angle, self.motor_torque, noise, self.inertias)
 
     @cached_property
     def motor(self) -> Balance | None:
@@ -174,7 +175,7 @@ class View:
             return None
         ends = self._noise("q_m") + self._noise("q_l")
         noise = self.value("k_b") * ends if self.wound else self._noise("tau")
-        return self._body(angle, self._load_torque, noise).balance(self.width)
+        return self._body(angle, self._load_torque, noise, ("I_l",)).balance(self.width)
 
     @property
     def wound(self) -> bool:
@@ -192,7 +193,19 @@ class View:
         """Return the deviation of a sample of an angle; tau is converted to an angle."""
         return self._noise(angle) / (self.value("k_b", 1.0) if angle == "tau" else 1.0)
 
-    def _body(self, angle: str, torque: Callable[[Columns], Floats], noise: float) -> Body:
+    @property
+    def inertias(self) -> tuple[str, ...]:
+        """The inertias that the motor's balance contains."""
+        apart = self.structure.output_fixed or self.cut
+        return ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
+
+    def _body(
+        self,
+        angle: str,
+        torque: Callable[[Columns], Floats],
+        noise: float,
+        moved: Sequence[str],
+    ) -> Body:
         return Body(
             self.stretches,
             self.dt,
@@ -202,6 +215,7 @@ class View:
             torque,
             noise,
             self.driving,
+            sum(self.value(name) for name in moved) or 1.0,
         )
 
     def driving(self, piece: Columns) -> Floats:

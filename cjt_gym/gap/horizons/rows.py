@@ -19,7 +19,7 @@ from cjt_gym.joint import EFFECTS, Joint
 Floats = NDArray[np.float64]
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
 """Price factors of a term: for dry friction, which every joint has; for effects that are rare or
-mimicked by other errors; for a delay or lag after a measured current."""
+mimicked by other errors; for a delay or lag after a measured current, and for heat."""
 CREEP = 0.002
 """Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
 SLOWEST = 0.02
@@ -45,8 +45,8 @@ MOST_LOST = 0.5
 DERATING, WEAKER = 0.002, 0.2
 """Loss of torque per kelvin of the winding, of which a record shows only the product with two
 resistances, and the loss at the rms current from which a search starts."""
-WARMING = (1.0, 4.0, 16.0)
-"""Thermal time constants from which a search starts [s]."""
+WARMING, WINDINGS = (1.5, 4.0, 16.0), (1.0, 100.0)
+"""Thermal time constants from which a search starts, and their range [s]: no winding is quicker."""
 HOUSING = 1e3
 """Time constant of a housing that no record shows, relative to the winding's."""
 BODIES = {"m": "motor", "g": "gear", "l": "load"}
@@ -229,7 +229,7 @@ def _derating(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     usual = WEAKER / (DERATING * ohms * flow**2)
     low, high = 1e-3 * usual, 20.0 * usual
     resistance = Free("r_th1", "K/W", usual, 0.3, True, low, high)
-    time = Free("T_thw", "s", WARMING[1], 0.3, True, 0.2, 100.0)
+    time = Free("T_thw", "s", WARMING[1], 0.3, True, *WINDINGS)
 
     def put(draft: Draft, values: Sequence[float]) -> None:
         through, slow = values
@@ -240,7 +240,7 @@ def _derating(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     return [
         Term(
             "thermal_derating", (resistance, time), put, nominal=(low, WARMING[1]),
-            starts=tuple((usual, x) for x in WARMING), factor=RARE,
+            starts=tuple((usual, x) for x in WARMING), family="warm", factor=UNLIKELY,
         )
     ]  # fmt: skip
 

@@ -24,8 +24,9 @@ SWAPS = 2
 LOUDLY = 5.0
 """Multiple of its price by which a term that the record hardly shows must lower the cost on
 held-out data to be added: several terms are tried on them."""
-LATE, EDGE = "late", 0.02
-"""Family of delays and lags, and the relative distance within which a value is at its bound."""
+LATE, WARM, EDGE = "late", "warm", 0.02
+"""Families of delays and lags, and of heat, and the relative distance within which a value is at
+its bound."""
 
 
 def search(
@@ -150,11 +151,15 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term, held: Held) ->
 def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:
     """Return whether a delay or lag is as long as allowed, so that something else is slow.
 
-    If only the command was recorded, the slow part may be the drive.
+    If only the command was recorded, the slow part may be the drive. Nor is it heat that fades as
+    quickly as allowed.
     """
+    term, values = fit.model.terms[index], fit.model.values(fit.z)[index]
+    if term.family == WARM:
+        quick = term.numbers[-1]
+        return values[-1] < (1.0 + EDGE) * quick.low
     if problem.windows.logs[0].drive != "i":
         return False
-    term, values = fit.model.terms[index], fit.model.values(fit.z)[index]
     return term.family == LATE and any(
         value < (1.0 + EDGE) * n.low if n.log else value > (1.0 - EDGE) * n.high
         for n, value in zip(term.numbers, values, strict=True)

@@ -102,6 +102,23 @@ def test_rest_tells_nothing_of_motion() -> None:
     assert "q_m never changes: 0 throughout." in found.faults
 
 
+def test_a_joint_that_coasts_shows_its_friction_beside_its_inertia() -> None:
+    """It is let go ten times, at either speed, and stops by dry and viscous friction."""
+    fall, t = FRICTION / joint().parameters.I_m, 1e-3 * np.arange(1000)
+    swings = []
+    for start in np.array([4.0, -2.0, 6.0, -5.0, 3.0, -6.0, 2.5, -4.0, 5.0, -3.0]):
+        speed = np.maximum((abs(start) + fall) * np.exp(-t) - fall, 0.0) * np.sign(start)
+        swings.append(1e-3 * np.cumsum(speed))
+    ends = np.cumsum([0.0, *(s[-1] for s in swings[:-1])])
+    q = np.concatenate([s + end for s, end in zip(swings, ends, strict=True)])
+    q = q + np.random.default_rng(0).normal(0.0, 1e-6, len(q))
+    table = {"t": 1e-3 * np.arange(len(q)), "i": np.zeros(len(q)), "i_cmd": np.zeros(len(q))}
+    found = examine(record(table | {"q_m": q}), joint(), None)
+    assert {"damping", "coulomb"} <= set(found.can_tell)
+    assert 1e-9 < found.smallest["coulomb"][0] < FRICTION
+    assert reasons(found)["inertia"].startswith("Nothing drives the joint")
+
+
 def test_noise_of_the_current_hides_small_friction() -> None:
     loud, quiet = columns(), columns()
     loud["i"] = loud["i"] + np.random.default_rng(1).normal(0.0, 1.0, len(loud["i"]))
