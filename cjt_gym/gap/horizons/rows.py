@@ -37,6 +37,9 @@ SWING = 0.4
 """Travel above which gravity can be distinguished from a constant torque [rad]."""
 COASTING = 0.1
 """Share of the inertial torque that counts as the torque of an undriven joint."""
+FARTHEST = 0.2
+"""Largest angle by which bristles bend under the usual torque [rad]; what gives way further, such
+as a cable or a wheel between two rows of a slow log, is no presliding."""
 FALLEN = 1.0
 """Largest Stribeck velocity, relative to the rms speed: if friction falls more slowly, damping
 takes the place of the Coulomb friction that every joint has."""
@@ -164,7 +167,10 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
     rise = Free(f"d_s{body}", "N m", 0.0, 0.05 * scales.torque, low=0.0, high=3.0 * scales.peak)
     slope = 0.1 * scales.torque / scales.speed
     steep = scales.torque / scales.travel
-    sigma = Free(f"sigma_{body}", "N m/rad", 100.0 * steep, 0.7, True, 0.5 * steep, 1e6 * steep)
+    bent = scales.torque / FARTHEST if joint.parameters.axis == "rotary" else 0.0
+    softest, stiffest = max(0.5 * steep, bent), 1e6 * max(steep, bent)
+    first = max(100.0 * steep, softest)
+    sigma = Free(f"sigma_{body}", "N m/rad", first, 0.7, True, softest, stiffest)
     mu = Free(f"mu_{body}", "-", 0.0, 0.05, low=0.0, high=MOST_LOST)
     return [
         Term("coulomb", (d_c,), coulomb, name, starts=((nominal + level,),), nominal=(nominal,),
@@ -178,8 +184,8 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
              needs=("coulomb", "coulomb_asym"), starts=_falling(scales),
              nominal=(0.0, 0.1 * scales.speed), family="dry"),
         Term("presliding", (sigma,), presliding, name, needs=("coulomb", "coulomb_asym"),
-             starts=tuple((k * steep,) for k in (10.0, 100.0, 1e3, 1e4)), nominal=(1e6 * steep,),
-             family="dry"),
+             starts=tuple((k * max(steep, 0.1 * bent),) for k in (10.0, 100.0, 1e3, 1e4)),
+             nominal=(stiffest,), family="dry"),
         Term("load_friction", (mu,), sets("load_friction", f"mu_{body}"), name, starts=((0.1,),),
              nominal=(0.0,), family="dry"),
         Term("viscous_asym", (Free(f"d_{body}_n", "N m s/rad", 0.0, slope),), viscous, name,

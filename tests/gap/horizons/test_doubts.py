@@ -102,6 +102,14 @@ def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Dia
     assert _with_late_drive(told, found).effects == told.effects
 
 
+def test_what_gives_way_by_a_turn_is_no_presliding(case: Case) -> None:
+    scale = replace(scales_of(case.joint, case.logs), travel=1e3)
+    bristles = next(t for t in candidates(case.joint, scale, case.logs) if t.name == "presliding")
+    (number,) = bristles.numbers
+    assert scale.torque / number.low == pytest.approx(0.2)
+    assert all(number.low <= x < number.high for (x,) in bristles.starts)
+
+
 def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(
     case: Case, told: Diagnosis
 ) -> None:
