@@ -24,6 +24,8 @@ BACKDRIVEN = 0.02
 """Share of the torque due to the motor above which its torque constant is fitted."""
 SPRING, DAMPED = "d_gl", 0.01
 """The torsion bar's internal damping, and its usual share of the load's critical damping."""
+AS_GIVEN = 1e-3
+"""Relative deviation of the inertia of a joint that coasts: the record shows only ratios to it."""
 LOOSE = 0.1
 """Relative step of a datasheet value that is off by more than its stated tolerance."""
 
@@ -31,8 +33,11 @@ LOOSE = 0.1
 def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
     """Return the terms that are free in every fit: inertia, damping, torque constant, springs."""
     file, groups = joint.file, joint.structure_row
+    inertia = _inertia(joint)
+    if scales.coasts:
+        inertia = replace(inertia, scale=AS_GIVEN)
     found = [
-        Term("inertia", (_inertia(joint),), _put_inertia(joint), "motor", nominal=(1.0,)),
+        Term("inertia", (inertia,), _put_inertia(joint), "motor", nominal=(1.0,)),
         _damping(joint, scales),
     ]
     if scales.driven > BACKDRIVEN:
@@ -172,5 +177,5 @@ def freed(terms: Sequence[Term]) -> list[Term]:
         )
         for term in terms
         for number in term.numbers[:1]
-        if term.told and number.prior and number.scale < VAGUE
+        if term.told and number.prior and AS_GIVEN < number.scale < VAGUE
     ]

@@ -196,6 +196,7 @@ class Scales:
         travel: Range of the motor's angle [rad].
         driven: Share of the torque due to the motor.
         fast: Rarely exceeded motor speed [rad/s].
+        coasts: Whether nothing drives the joint, so that torques show relative to its inertia only.
     """
 
     torque: float
@@ -204,6 +205,7 @@ class Scales:
     travel: float
     driven: float = 1.0
     fast: float = 1.0
+    coasts: bool = False
 
 
 def body_group(structure: Structure, body: str) -> tuple[str, ...]:

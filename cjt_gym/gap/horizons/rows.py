@@ -35,8 +35,9 @@ NEAR = 5.0
 """Range of the frequency of cogging about that of a regression, in its resolution."""
 SWING = 0.4
 """Travel above which gravity can be distinguished from a constant torque [rad]."""
-COASTING = 0.1
-"""Share of the inertial torque that counts as the torque of an undriven joint."""
+COASTING, SELDOM = 0.1, 0.95
+"""Share of the inertial torque that counts as the torque of an undriven joint, and share of the
+record without any torque from which it is one."""
 FARTHEST = 0.2
 """Largest angle by which bristles bend under the usual torque [rad]; what gives way further, such
 as a cable or a wheel between two rows of a slow log, is no presliding."""
@@ -74,6 +75,7 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
         max(travel, 1e-9),
         float(np.std(np.concatenate(own))) / max(usual, 1e-300),
         fast,
+        float(np.quantile(np.abs(torque), SELDOM)) == 0.0,
     )
 
 

@@ -14,7 +14,7 @@ from cjt_gym.gap.candidates.candidate import scales
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
-from cjt_gym.gap.horizons.base_rows import base_terms
+from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.fit import Fit, Problem
@@ -100,6 +100,16 @@ def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Dia
     assert delay.status == "tentative"
     assert delay.parameters["delay"].value == 4e-3
     assert _with_late_drive(told, found).effects == told.effects
+
+
+def test_the_inertia_of_a_joint_that_coasts_stays_as_given(case: Case) -> None:
+    """Nothing but the datasheet tells it; with another, all friction would be off alike."""
+    idle = [replace(log, command=0.0 * log.command) for log in case.logs]
+    for logs, coasts in ((case.logs, False), (idle, True)):
+        scale = scales_of(case.joint, logs)
+        terms = base_terms(case.joint, scale)
+        assert (terms[0].numbers[0].scale < 0.01) == scale.coasts == coasts
+        assert not (coasts and "inertia" in {term.name for term in freed(terms)})
 
 
 def test_what_gives_way_by_a_turn_is_no_presliding(case: Case) -> None:
