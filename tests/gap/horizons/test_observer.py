@@ -88,6 +88,17 @@ def test_an_estimate_that_starts_anew_after_a_gap_recovers() -> None:
     assert np.std(off) < 0.02 * np.std((x[:, 0] - x[:, 1])[late])
 
 
+def test_a_joint_that_nothing_drives_is_estimated_as_well() -> None:
+    """The load swings out on its spring after it was let go."""
+    columns, x = two_masses(0.02, 0.5)
+    free = log_of(columns | {"i_cmd": 0.0 * columns["i_cmd"]}, FREE)
+    found = forecast(free, sheet()).states
+    assert np.isfinite(found).all()
+    driven = forecast(log_of(columns, FREE), sheet()).states
+    late = slice(500, None)
+    assert np.std(found[late, 2] - x[late, 1]) > np.std(driven[late, 2] - x[late, 1])
+
+
 def test_a_right_joint_predicts_what_it_was_not_shown() -> None:
     """From the estimated start the motor's motion over half a second follows."""
     columns, x = two_masses(0.02, 0.5)
