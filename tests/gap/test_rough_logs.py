@@ -155,6 +155,22 @@ def test_noise_that_is_stated_too_large_hides_nothing(stated: float, counts: flo
     assert channel_noise(series, known, "q_m", 0.0).std == pytest.approx(counts * true, rel=0.1)
 
 
+def test_a_gap_in_the_angle_of_a_held_joint_hides_nothing() -> None:
+    made = simulate(seconds=6.0, extra=lambda t, q, v: 4.0 * min(v, 0.0) * -1.0)
+    few = Record(
+        {n: made[n] for n in ("i_cmd", "q_m")},
+        {n: made.units[n] for n in ("i_cmd", "q_m")},
+        dt=DT,
+        structure=made.structure,
+    )
+    q = few["q_m"].copy()
+    q[3000:3100] = np.nan
+    columns = {"i_cmd": few["i_cmd"], "q_m": q}
+    broken = Record(columns, few.units, dt=DT, structure=made.structure, allow_nan=True)
+    found = diagnose(broken, nominal())
+    assert found.effects[0].name == "viscous_asym"
+
+
 def test_a_coarse_channel_is_seen_although_its_stamps_move_it_to_even_times() -> None:
     rng, step = np.random.default_rng(0), 0.01
     even = DT * np.arange(4000)

@@ -86,7 +86,8 @@ def seen(
         return Unseen(why, instead)
     if np.isfinite(torque) and torque <= share * balance.level:
         return Seen(size, unit)
-    driven = f"while the joint is driven by {balance.level:.2g} {view.torque_unit}"
+    driven = "its inertia takes" if balance.coasts else "the joint is driven by"
+    driven = f"while {driven} {balance.level:.2g} {view.torque_unit}"
     return Unseen(f"{only_from(torque, view.torque_unit)}, {driven}", instead)
 
 

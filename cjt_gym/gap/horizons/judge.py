@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case
-from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.imposed import freed_from
@@ -186,7 +186,8 @@ def judge(
             for key, one in known.items()
             if key[1] != min(HORIZONS)
         )
-        settled = explained and not (own or open_ or short) and near
+        whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
+        settled = explained and not (own or open_ or short) and near and whole < TRIVIAL
         if settled and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)

@@ -137,11 +137,11 @@ def to_log(
     if sprung and followed and _followed(even["i"], even["i_cmd"]):
         drive, command = "i_cmd", even["i_cmd"]
     shown = _measured(record, even, file, structure, grid)
-    zero = _relaxed(shown, even.get("q_l"), command, structure, dt)
-    if "q_l" in shown:
-        shown["q_l"] = shown["q_l"] + zero
     used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]
     holes = _holes(grid, t, [columns[n] for n in used], dt)
+    zero = _relaxed(shown, even.get("q_l"), command, structure, dt, ~holes)
+    if "q_l" in shown:
+        shown["q_l"] = shown["q_l"] + zero
     held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
     states, acceleration = _states(shown, held, even, structure, file, dt)
     load = even.get("tau_l", np.zeros(len(grid)))
@@ -239,6 +239,7 @@ def _relaxed(
     drive: Floats,
     structure: Structure,
     dt: float,
+    whole: Flags,
 ) -> float:
     """Return the offset of the load's angle that makes deflection zero at zero torque [rad].
 
@@ -254,10 +255,10 @@ def _relaxed(
     q_m = measured["q_m"]
     twist = q_m - (q_l if q_l is not None else 0.0)
     if "tau" in measured or not structure.output_fixed:
-        columns, use = [measured.get("tau", drive)], np.ones(len(twist), dtype=bool)
+        columns, use = [measured.get("tau", drive)], whole
     else:
         twist, speed, acceleration = smoothed(twist, dt), *(smoothed(q_m, dt, k) for k in (1, 2))
-        use = np.abs(speed) > STUCK * float(np.sqrt(np.mean(speed**2)))
+        use = whole & (np.abs(speed) > STUCK * float(np.sqrt(np.mean(speed[whole] ** 2))))
         columns = [smoothed(drive, dt), acceleration, speed, np.abs(speed), np.sign(speed)]
     rows = np.stack([*columns, np.ones(len(twist))], axis=1)
     return float(np.linalg.lstsq(rows[use], twist[use], rcond=None)[0][-1])
