@@ -149,10 +149,10 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term, held: Held) ->
 
 
 def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:
-    """Return whether a delay or lag is as long as allowed, so that something else is slow.
+    """Return whether a term ends at a bound that means that it stands for something else.
 
-    If only the command was recorded, the slow part may be the drive. Nor is it heat that fades as
-    quickly as allowed.
+    A delay or lag after a measured current is then slow mechanics; where only the command was
+    recorded, the drive itself may be slow. Heat that fades as quickly as allowed is no heat.
     """
     term, values = fit.model.terms[index], fit.model.values(fit.z)[index]
     if term.family == WARM:
