@@ -23,16 +23,16 @@ OTHER_SYMBOLS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("coulomb_asym", "Fn"): ("d_cm_n", "d_cg_n"),
     ("load_coulomb", "Fc"): ("d_cl",),
     ("stribeck", "Fc"): ("d_cm", "d_cg"),
-    ("stribeck", "Fs"): ("d_s",),
+    ("stribeck", "rise"): ("d_sm", "d_sg"),
     ("stribeck", "vs"): ("v_s",),
     ("presliding", "Fc"): ("d_cm", "d_cg"),
-    ("load_friction", "mu"): ("mu",),
-    ("current_saturation", "isat"): ("i_max",),
+    ("load_friction", "mu"): ("mu_m", "mu_g"),
+    ("current_saturation", "isat"): ("i_p",),
     ("command_delay", "delay"): ("delay",),
     ("torque_bias", "b"): ("bias",),
     ("torque_gain", "g"): ("gain",),
     ("current_lag", "bw"): ("bandwidth",),
-    ("thermal_derating", "tau"): ("time_constant",),
+    ("thermal_derating", "tau"): ("T_thw",),
     ("cogging", "f"): ("f",),
     ("gear_ripple", "f"): ("f",),
 }
@@ -42,7 +42,10 @@ OTHER_SYMBOLS: Mapping[tuple[str, str], tuple[str, ...]] = {
 def other_numbers(label: Mapping[str, Any], result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the numbers of a diagnosis that a label of another simulator knows."""
     for effect in result.get("effects", []):
-        for key, true in label["parameters"].get(effect["name"], {}).items():
+        known = dict(label["parameters"].get(effect["name"], {}))
+        if "Fs" in known:
+            known["rise"] = known["Fs"] - known["Fc"]
+        for key, true in known.items():
             for symbol in OTHER_SYMBOLS.get((effect["name"], key), ()):
                 if given := effect["parameters"].get(symbol):
                     covered = given["low"] <= true <= given["high"]

@@ -23,7 +23,7 @@ from cjt_gym.gap.diagnosis import (
 from cjt_gym.gap.evidence import Source
 from cjt_gym.gap.horizons.answer import judged
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.joint_file import identified_joint, told_by
 from cjt_gym.gap.judged.gap_size import HARM, measure_gap
 from cjt_gym.gap.judged.intervals import (
     Covariance,
@@ -61,6 +61,8 @@ FAR = 3.0
 MOST = 0.5
 """Share of a log above which it need not be said that the rest of it was not used."""
 BOTH_ENDS = "Record torque and angles at both ends of the spring: tau, q_m and q_l."
+BESIDE_SPRING = ("transmission", "sensing", "load")
+"""Stages of which no effect is confirmed where spring and load cannot be told apart."""
 KNOWN = 0.7
 """Share of the tolerance within which a fit must determine a datasheet value to refine it."""
 MOVED = 0.1
@@ -313,6 +315,8 @@ def _report(
         named = tuple(doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
     hidden = () if left else out_of_sight(setting, problem.stages.names, gap)
+    if hidden:
+        named = tuple(doubted(e) if e.stage in BESIDE_SPRING else e for e in named)
     left = left or hidden
     stages = _stages(found, fit, all_before, named)
     drawn = gather(problem, fit, within, before)
@@ -330,17 +334,18 @@ def _report(
         said = suggest(problem, found.base, found.fit, found.needs, found.seen, named, left)
         return cautious(said, setting, held_out)
 
+    fields = problem.fields(fit.model, fit.z)
     diagnosis = Diagnosis(
         verdict=verdict(len(named), left),
         stages=stages,
         regimes=next(iter(lying.values()))[0],
-        effects=named,
+        effects=told_by(setting, fields, named),
         gap=gap,
         unexplained=_unexplained(left, said, missing),
         suggestion=Suggestion(""),
         seconds=time.perf_counter() - started,
         evidence=drawn,
-        joint=identified_joint(setting, problem.fields(fit.model, fit.z), named, told, record),
+        joint=identified_joint(setting, fields, named, told, record),
     )
     return diagnosis, ask
 
@@ -350,12 +355,15 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
     shared = found.problem.shared
     known = found.problem.stages.setting.joint.parameters.quantities
     released = {effect.releases for effect in fit.model.effects}
-    return {
-        n.field: (_short(n.unknown.value(fit.z[k])), _short(n.unknown.scale * spread.std(k)))
-        for k, n in enumerate(shared)
-        if (n.field in known or n.field == "lag") and n.field not in released
-        if n.unknown.log and (spread.std(k) < KNOWN or abs(fit.z[k]) > MOVED)
-    }
+    fields = found.problem.fields(fit.model, fit.z)
+    told = {}
+    for k, n in enumerate(shared):
+        deviation = spread.std(k)
+        given = (n.field in known or n.field == "lag") and n.field not in released
+        if given and n.unknown.log and (deviation < KNOWN or abs(fit.z[k]) > MOVED):
+            for field in (n.field, *n.along):
+                told[field] = (_short(fields[field]), _short(n.unknown.scale * deviation))
+    return told
 
 
 def _short(x: float) -> float:

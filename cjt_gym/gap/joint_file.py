@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.as_rows import ROWS, Found, Number
+from cjt_gym.gap.stages.as_rows import ROWS, Found, Number, in_symbols
 from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint import EFFECTS, Effect, JointFile
 from cjt_gym.joint.effect_entries import unit_on
@@ -45,7 +45,7 @@ def identified_joint(
     """
     joint, source = setting.joint, f"identified from {record}"
     table: Table = {name: dict(entries) for name, entries in joint.effects.items()}
-    asymmetric = ASYMMETRIC in table or any(effect.name == ASYMMETRIC for effect in named)
+    asymmetric = _is_asymmetric(joint, named)
     if asymmetric and "coulomb" in table:
         table[ASYMMETRIC] = _both_ways(table.pop("coulomb"))
     sensors = {channel: dict(entries) for channel, entries in joint.sensors.items()}
@@ -74,6 +74,19 @@ def identified_joint(
         sensors=sensors,
         structure=setting.structure.name,
     )
+
+
+def told_by(
+    setting: Setting, fields: Fields, named: Sequence[NamedEffect]
+) -> tuple[NamedEffect, ...]:
+    """Return effects with the numbers of the joint file, as a diagnosis states them."""
+    asymmetric = _is_asymmetric(setting.joint, named)
+    return tuple(in_symbols(Found(setting, fields, effect, asymmetric)) for effect in named)
+
+
+def _is_asymmetric(joint: JointFile, named: Sequence[NamedEffect]) -> bool:
+    """Return whether the joint's Coulomb friction has a level for each direction."""
+    return ASYMMETRIC in joint.effects or any(effect.name == ASYMMETRIC for effect in named)
 
 
 def _both_ways(entries: Mapping[str, Entry]) -> dict[str, Entry]:

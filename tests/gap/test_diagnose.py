@@ -80,8 +80,8 @@ def test_a_breakaway_that_holds_the_joint_for_most_of_the_time_is_found() -> Non
     assert found.verdict == "explained"
     numbers = found.effects[0].parameters
     assert numbers["d_cm"].value == pytest.approx(6.0, rel=0.03)
-    assert numbers["d_s"].value == pytest.approx(11.0, rel=0.03)
-    assert numbers["d_s"].low <= 11.0 <= numbers["d_s"].high
+    assert numbers["d_sm"].value == pytest.approx(5.0, rel=0.06)
+    assert numbers["d_sm"].low <= 5.0 <= numbers["d_sm"].high
 
 
 def test_the_direction_of_unequal_friction_is_right() -> None:
@@ -123,7 +123,7 @@ def test_a_play_in_the_spring_is_named() -> None:
 
     found = diagnose(simulate(spring=loose), nominal())
     assert names(found)[0] == "backlash"
-    assert found.effects[0].parameters["b"].value == pytest.approx(4e-4, rel=0.05)
+    assert found.effects[0].parameters["gap"].value == pytest.approx(4e-4, rel=0.05)
 
 
 def test_a_late_command_is_named() -> None:

@@ -13,7 +13,7 @@ from cjt_gym.blind import draw_case, write_case
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.candidates.table import Candidate, all_candidates
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
-from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.joint_file import identified_joint, told_by
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile, load_joint_file
 from cjt_gym.joint.quantity import Quantity
@@ -87,6 +87,21 @@ def test_every_effect_that_can_be_named_becomes_a_row_in_its_range(
             assert entry.source.startswith("identified from a record")
 
 
+def test_a_diagnosis_states_the_numbers_of_its_joint_file(setting: Setting) -> None:
+    for row in all_candidates(setting, STAGES):
+        fields, values = dict(setting.nominal), values_of(row)
+        row.apply(fields, values)
+        effects = [named(row, values)]
+        file = identified_joint(setting, fields, effects, {}, "a record")
+        (told,) = told_by(setting, fields, effects)
+        assert told.parameters, row.key
+        for symbol, one in told.parameters.items():
+            rows = [e for e in file.effects.values() if isinstance(e.get(symbol), Quantity)]
+            entries = [np.atleast_1d(np.asarray(e[symbol].value))[0] for e in rows]  # type: ignore[union-attr]
+            assert one.value in [pytest.approx(x) for x in entries], (row.key, symbol)
+            assert one.low < one.value < one.high
+
+
 @pytest.mark.parametrize("structure", [FIXED, "full_dynamics", "rigid"])
 def test_the_predictors_know_the_joint_that_is_written(structure: str) -> None:
     setting = setting_of(structure, 0.5)
@@ -144,7 +159,7 @@ def test_levels_add_to_those_that_the_nominal_joint_lists(tmp_path: Path) -> Non
 
 def test_one_smoothing_for_all_dry_friction(tmp_path: Path) -> None:
     stated = with_effect("coulomb", body="gear", d_cg=Quantity(2.0, "N m"))
-    file = found(effect("stribeck", "motor", d_cm=1.0, d_s=1.5, v_s=0.05), stated=stated)
+    file = found(effect("stribeck", "motor", d_cm=1.0, d_s=0.5, v_s=0.05), stated=stated)
     joint = load(file, "full_dynamics", tmp_path / "joint.toml")
     assert joint.effects["stribeck"]["dq_0"] == joint.effects["coulomb"]["dq_0"]
     assert joint.effects["stribeck"]["d_sm"] == pytest.approx(0.5)

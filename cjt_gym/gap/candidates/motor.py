@@ -6,7 +6,7 @@ from cjt_gym.gap.candidates.candidate import BODIES, Candidate, Scales, Values, 
 from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.nuisances import active_parameters
+from cjt_gym.gap.stages.nuisances import active_parameters, guesses_of
 from cjt_gym.gap.stages.number import Number
 
 
@@ -14,8 +14,9 @@ def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the motor, without dry friction."""
     active = active_parameters(setting)
     rows = [released(setting, "k_t", "torque_constant", "motor", "k_t")]
-    rows.append(released(setting, "I_m", "inertia", "motor", "I_m"))
-    if "I_g" in active:
+    if not guesses_of(setting, "m"):  # a guess is free in every fit
+        rows.append(released(setting, "I_m", "inertia", "motor", "I_m"))
+    if "I_g" in active and not guesses_of(setting, "g"):
         rows.append(released(setting, "I_g", "inertia", "motor", "I_g"))
     rows += [
         _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from math import pi
+
 import numpy as np
 
+from cjt_gym.gap.check.channels import Channel
 from cjt_gym.gap.check.transmission import deflection
 from cjt_gym.gap.check.view import View
 from cjt_gym.records.doubts import doubts
@@ -24,6 +27,8 @@ SPRING = 1.6
 """Least reported factor between torque and stiffness times deflection."""
 RATIO = 0.1
 """Relative tolerance within which two angles differ by the gear ratio."""
+STEPPED = 0.01
+"""The same for the steps of an angle and those of its encoder, which are known exactly."""
 
 
 def velocities(view: View) -> list[str]:
@@ -95,6 +100,28 @@ def angles(view: View) -> list[str]:
         if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
             return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
     return [f"q_l is {factor:.3g} times q_m, and both should be on the link side."]
+
+
+def coarser(view: View) -> list[str]:
+    """Return sentences on angles whose steps are those of their encoder in another unit."""
+    return [
+        f"{name} has steps {factor:.4g} times the resolution that the joint file states, {what}."
+        for name, channel in view.channels.items()
+        if (factor := _times_coarser(view, name, channel)) is not None
+        for other, what in (
+            (180.0 / pi, "as if in deg: map it with unit = 'deg'"),
+            (view.ratio, "the ratio n of the gear: map it with side = 'motor'"),
+        )
+        if other != 1.0 and abs(factor / other - 1.0) < STEPPED
+    ]
+
+
+def _times_coarser(view: View, name: str, channel: Channel) -> float | None:
+    """Return the steps of an angle relative to its stated resolution; None if none is stated."""
+    stated = view.joint.sensors.get(name, {}) if view.joint is not None else {}
+    if not name.startswith("q_") or "resolution" not in stated:
+        return None
+    return channel.resolution / stated["resolution"].number
 
 
 def spring(view: View) -> list[str]:

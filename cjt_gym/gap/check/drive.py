@@ -77,12 +77,10 @@ def command_quantization(view: View) -> Verdict:
     values = len(np.unique(np.round(view.stretches[0][view.command], 12)))
     if values < FEWEST_VALUES:
         return Unseen(f"the command takes only {values} values", CHANGES.replace("steps", "ramps"))
-    if "i" in view and view.command == "i_cmd" and known.unit == view.channels["i"].unit:
-        size = RELIABLE * view.channels["i"].noise / np.sqrt(np.sqrt(values))
-    elif view.motor is not None:
-        size = RELIABLE * view.motor.scatter / abs(_gain(view))
-    else:
-        return Unseen("the current is not measured", "Record the measured current.")
+    if "i" not in view or known.unit != view.channels["i"].unit:
+        why = "the current is not measured: motion hardly shows how a command was rounded"
+        return Unseen(why, "Record the measured current.")
+    size = RELIABLE * view.channels["i"].noise / np.sqrt(np.sqrt(values))
     if size < 0.5 * known.span:
         return Seen(float(max(size, known.resolution)), known.unit)
     return Unseen(f"{only_from(size, known.unit)}, and the command spans {known.span:.2g}", CHANGES)

@@ -11,7 +11,7 @@ from cjt_gym.gap.check import drive, friction, load, sensing, torque, transmissi
 from cjt_gym.gap.check.channels import measured
 from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.faults import faults, notes
-from cjt_gym.gap.check.verdicts import NO_MOTION, Seen, Unseen, Verdict, no_balance
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.linear import check_inertias
@@ -95,7 +95,7 @@ def examine(
         advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
         channels=view.channels,
         notes=known,
-        at_rest=view.at_rest or no_balance(view) is NO_MOTION,
+        at_rest=view.at_rest,
     )
 
 

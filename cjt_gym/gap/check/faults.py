@@ -8,7 +8,7 @@ import numpy as np
 
 from cjt_gym.gap.check.bus import LOOP, bus
 from cjt_gym.gap.check.clock import clock
-from cjt_gym.gap.check.contradictions import angles, currents, spring, velocities
+from cjt_gym.gap.check.contradictions import angles, coarser, currents, spring, velocities
 from cjt_gym.gap.check.encoders import angles_apart
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
 from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
@@ -186,6 +186,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (velocities, UNITS),
     (currents, UNITS),
     (angles, UNITS),
+    (coarser, UNITS),
     (spring, UNITS),
     (_noise, SPECIFY),
     (lambda view: current_and_command(view)[0], ONE_INSTANT),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cjt_gym.gap.check.contradictions import coarser
 from cjt_gym.gap.check.friction import TURN, one_way, seen, two_ways
 from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.transmission import BESIDE, no_spring, spring
@@ -88,6 +89,8 @@ def quantization(view: View) -> Verdict:
     if not stated:
         why = "the joint file states no resolution of any channel recorded"
         return Unseen(why, "State it: [sensors.q_m] resolution.")
+    if wrong := coarser(view):
+        return Unseen(wrong[0].rstrip("."), "Map each channel with its unit and side: --mapping.")
     known = [view.channels[name] for name in stated]
     best = max(known, key=lambda channel: channel.span / channel.resolution)
     steps = best.span / best.resolution

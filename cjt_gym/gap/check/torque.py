@@ -32,8 +32,9 @@ FEWEST = 100
 def torque_constant(view: View, balance: Balance) -> Verdict:
     """Judge the torque constant, which requires a known torque to fix the overall scale."""
     instead = "Record a static phase with the joint torque tau, or attach a known weight."
-    if "tau" not in view and "tau_l" not in view:
-        why = "no torque is measured: inertia and friction, off by the same factor, look alike"
+    if not view.cut and "tau_l" not in view:
+        what = "used" if "tau" in view else "measured"
+        why = f"no torque is {what}: inertia and friction, off by the same factor, look alike"
         return Unseen(why, instead)
     size = balance.least(balance["u"], ("a", "v", "s", "one"))
     if size <= CONSTANT:

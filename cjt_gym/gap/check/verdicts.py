@@ -8,7 +8,7 @@ from functools import wraps
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Balance
+from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.view import View
 
 TORQUE = 0.3
@@ -37,6 +37,10 @@ NO_MOTION = Unseen(
     "nothing moves by more than its noise",
     "Record motion: drive the joint far enough that it turns by a thousand counts.",
 )
+TOO_FEW = Unseen(
+    f"the motor moves in fewer than {FEWEST} samples",
+    "Record for longer, or at a higher rate.",
+)
 NO_INPUT = Unseen(
     "the record has nothing that drives the joint",
     "Record the motor's current or its command.",
@@ -49,7 +53,9 @@ def no_balance(view: View) -> Unseen | None:
         return NO_INPUT
     if view.motor_angle is None:
         return Unseen("no motion of the motor is recorded", "Record the motor's angle q_m.")
-    return NO_MOTION if view.motor is None else None
+    if view.motor is not None:
+        return None
+    return NO_MOTION if view.at_rest else TOO_FEW
 
 
 def from_balance(judge: Callable[[View, Balance], Verdict]) -> Callable[[View], Verdict]:

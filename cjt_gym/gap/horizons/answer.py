@@ -16,7 +16,13 @@ from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, jud
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import LATE, as_tentative, of_drive
 from cjt_gym.gap.horizons.tell import horizons_of, retold
-from cjt_gym.gap.horizons.verdict import BESIDE, NAMELESS, main_row, unexplained_of
+from cjt_gym.gap.horizons.verdict import (
+    BESIDE,
+    NAMELESS,
+    corrected,
+    main_row,
+    unexplained_of,
+)
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
@@ -34,7 +40,7 @@ ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
-DRIFTLESS, HALF, FLOORS = 0.15, 0.5, 5.0
+DRIFTLESS, HALF, FLOORS = 0.1, 0.5, 5.0
 """Limits on the relative error, on its ratio to the datasheet's, and on that to the noise floor. A
 held output, whose replay does not drift, counts as unexplained if it exceeds the last and one of
 the others."""
@@ -42,6 +48,8 @@ GONE = 0.2
 """Ratio to the datasheet's error below which the stages' effects stay confirmed nevertheless."""
 MOSTLY = 0.5
 """Predictable share of the squared error above which the stages' effects explain too little."""
+SILENT = 2.0
+"""Residual of the drive, in units of noise, up to which its effects explain it."""
 ROUNDED = "quantization"
 """Effect that no other can cause: values that lie on a lattice."""
 FAR_OFF = 2.0
@@ -82,9 +90,12 @@ def judged(
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         told = _either_slow(_doubted(_cleared(first, found), found), found)
         told = _with_late_drive(told, found)
+        if said := corrected(found):
+            text = f"{said} {told.unexplained.text}"
+            told = replace(told, unexplained=replace(told.unexplained, text=text))
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = allowed_by(retold(first, found, excluded, _title(records[0])), excluded)
-    told = _with_elsewhere(told, first, found)
+    told = _with_elsewhere(told, first, found, measured=any("i" in one for one in records))
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
     if not told.effects and not found.cut and main_row(found).found > LOUD:
@@ -93,21 +104,23 @@ def judged(
     return told
 
 
-def _with_elsewhere(told: Diagnosis, first: Diagnosis, found: Judgement) -> Diagnosis:
+def _with_elsewhere(
+    told: Diagnosis, first: Diagnosis, found: Judgement, *, measured: bool
+) -> Diagnosis:
     """Return a diagnosis with what the stages found where predictions of motion do not look.
 
-    These are faults of sensors, and a drive's where the motion is predicted from its current.
+    These are faults of sensors, and those of a drive whose current was measured.
     """
-    measured = found.case.logs[0].drive == "i"
     known = {e.name for e in told.effects} | LATE
+    driven = measured and first.stages["drive"].after < SILENT
     seen = [
         e
         for e in first.effects
-        if e.name in MEASURES or (measured and e.stage == "drive" and e.name not in known)
+        if e.name in MEASURES or (driven and e.stage == "drive" and e.name not in known)
     ]
     if first.verdict not in SETTLED:  # something else may have scattered a channel, but not rounded
         sure = told.verdict != "no_gap"
-        seen = [as_tentative(e) for e in seen if sure or e.name == ROUNDED]
+        seen = [as_tentative(e) for e in seen if sure or e.name == ROUNDED or e.stage == "drive"]
     if not seen:
         return told
     least = min((e.gap_removed for e in told.effects), default=1.0)
@@ -231,21 +244,14 @@ def _is_predictable(row: Row) -> bool:
 
 
 def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
-    """Return a diagnosis that corrects guessed datasheet values instead of naming them causes."""
+    """Return a diagnosis in which guessed datasheet values are no causes."""
     known = file.parameters.quantities
     guessed = [e for e in first.effects if all(n in known and known[n].guess for n in e.parameters)]
     if not guessed:
         return first
     effects = tuple(e for e in first.effects if e not in guessed)
-    said = " ".join(
-        f"The guess of {symbol}, {known[symbol].number:.3g} {known[symbol].unit}, is corrected to "
-        f"{one.value:.3g}."
-        for e in guessed
-        for symbol, one in e.parameters.items()
-    )
     verdict = first.verdict if effects else "unexplained" if first.unexplained.share else "no_gap"
-    text = replace(first.unexplained, text=f"{said} {first.unexplained.text}")
-    return replace(first, verdict=verdict, effects=effects, unexplained=text)
+    return replace(first, verdict=verdict, effects=effects)
 
 
 def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:

@@ -359,11 +359,20 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     for name in (n for n in ("stages", "found", "base") if n in joints):
         others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and _cut(case)
+        if cut and "found" in sound and _loses(case, errors["stages"], errors["found"]):
+            continue
         sharper = cut and not _own(joints.get("found"), case.joint)
         allowance = CLEARLY * test.strength if sharper else SAME
         if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name
     return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
+
+
+def _loses(case: Case, stages: Sequence[Floats], found: Sequence[Floats]) -> bool:
+    """Return whether a search predicts whole pieces of a held output clearly better."""
+    own, other = (relative(case.test, errors) for errors in (stages, found))
+    whole = [key for key in own if key[1] == WHOLE and own[key] > NEAR]
+    return any(2.0 * np.log(own[key] / max(other[key], TRIVIAL)) > CLEARLY for key in whole)
 
 
 def _own(found: Joint | None, nominal: Joint) -> bool:

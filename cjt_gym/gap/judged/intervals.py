@@ -78,8 +78,6 @@ def effect_intervals(
         out[released] = _with_tolerance(problem, fit, released, out[released])
     if effects[index].name == "command_delay":
         out["delay"] = _whole_delay(problem, fit, out["delay"])
-    if effects[index].name == "stribeck":
-        out["d_s"] = _breakaway(fit, effects[index], at, spread, out["d_s"].unit)
     return out
 
 
@@ -121,16 +119,6 @@ def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:
     width = interval.high - interval.low if fields["lag"] > 0.0 else setting.series.dt
     half = 0.5 * min(width, setting.series.dt)
     return Interval(total, total - half, total + half, interval.unit)
-
-
-def _breakaway(fit: Fit, effect: Candidate, at: int, spread: Covariance, unit: str) -> Interval:
-    """Return the breakaway level; the fit has the Coulomb level and the rise above it."""
-    both = effect.unknowns[:2]
-    scales = np.array([unknown.scale for unknown in both])
-    value = sum(u.value(z) for u, z in zip(both, fit.z[at : at + 2], strict=True))
-    variance = float(scales @ spread.matrix[at : at + 2, at : at + 2] @ scales)
-    half = NORMAL * max(float(np.sqrt(max(variance, 0.0))), EXACT * value)
-    return Interval(value, max(value - half, 0.0), value + half, unit)
 
 
 def _with_tolerance(problem: Problem, fit: Fit, field: str, interval: Interval) -> Interval:

@@ -127,8 +127,6 @@ def steps(
 def exactly(effect: Candidate, numbers: Sequence[float]) -> NamedEffect:
     """Return an effect as if it were named, with exactly known numbers."""
     values = {u.symbol: x for u, x in zip(effect.unknowns, numbers, strict=True)}
-    if effect.name == "stribeck":  # a fit has its rise, a diagnosis the level of breakaway
-        values["d_s"] += values[effect.unknowns[0].symbol]
     spans = {symbol: Interval(x, x, x, "") for symbol, x in values.items()}
     row = (effect.name, effect.stage, effect.body, effect.channel)
     return NamedEffect(*row, spans, "tentative", 0.0, 0.0)

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from cjt_gym.gap.diagnosis import NamedEffect
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.joint import EFFECTS
+from cjt_gym.joint.effect_entries import unit_on
 
 SHARP_LOOP = 0.95
 """Width of the loop of exponent 1 that comes nearest to one of exponent 2 on random paths."""
@@ -196,11 +198,11 @@ def _coulomb_asym(x: Found) -> Rows:
 
 
 def _stribeck(x: Found) -> Rows:
-    level, rise = f"d_c{x.letter}", max(x.named("d_s") - x.named(f"d_c{x.letter}"), 0.0)
+    level = f"d_c{x.letter}"
     return {
         "stribeck": {
             level: x.moved(level, x.named(level)),
-            f"d_s{x.letter}": x.moved("d_s", rise),
+            f"d_s{x.letter}": x.moved("d_s", x.named("d_s")),
             "v_s": x.scaled("v_s", x.named("v_s")),
             "dq_0": x.smoothing,
         }
@@ -310,3 +312,22 @@ ROWS: Mapping[str, Callable[[Found], Rows]] = {
     "gravity": _gravity,
 }
 """Effects that a diagnosis may name, except those that concern a sensor alone."""
+
+
+def in_symbols(found: Found) -> NamedEffect:
+    """Return an effect with the numbers and units that a joint file has for it.
+
+    Values that the record does not determine, such as those of a law's other parameters, are left
+    out.
+    """
+    effect, known = found.effect, {}
+    if effect.name not in ROWS:
+        return effect  # of a sensor: a channel's noise or resolution
+    for name, numbers in ROWS[effect.name](found).items():
+        for symbol, one in numbers.items():
+            parameter = EFFECTS[name].parameter(symbol)
+            assert parameter is not None
+            if one.high > one.low:
+                unit = unit_on(parameter, found.setting.joint.parameters)
+                known[symbol] = Interval(one.value, one.low, one.high, unit)
+    return replace(effect, parameters=known)

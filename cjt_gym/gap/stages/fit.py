@@ -45,7 +45,7 @@ class Model:
         """Return the fields at coordinates z: first the nuisances', then each effect's."""
         fields = dict(base)
         for nuisance, value in zip(shared, z, strict=False):
-            fields[nuisance.field] = nuisance.unknown.value(value)
+            nuisance.put(fields, base, value)
         at = len(shared)
         for effect in self.effects:
             values = {}

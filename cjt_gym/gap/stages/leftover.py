@@ -23,6 +23,7 @@ WEAK = 0.5
 HELD_LEFT = 1.6
 """The same as LEFT for a held-out record, to which nothing was fitted."""
 HELD_SHARE = 0.02
+ONLY_HELD = "something that only the held-out record shows"
 COARSE = 1.5
 """Factor on both if a channel is coarse, as rounding errors are not white noise."""
 DOUBTFUL = 0.6
@@ -63,16 +64,16 @@ def leftovers(
         if effect.outside:
             share = _share(base.mean_square, need.stage, need.without.mean_square[need.stage])
             found.append(Leftover(need.stage, share, effect.outside))
-    levels: list[tuple[Mapping[str, float], Mapping[str, float], float, float]]
-    levels = [(base.mean_square, fit.mean_square, LEFT, LEFT_SHARE)]
-    levels += [(h.before, h.after, HELD_LEFT, HELD_SHARE) for h in held]
+    levels: list[tuple[Mapping[str, float], Mapping[str, float], float, float, str]]
+    levels = [(base.mean_square, fit.mean_square, LEFT, LEFT_SHARE, "")]
+    levels += [(h.before, h.after, HELD_LEFT, HELD_SHARE, ONLY_HELD) for h in held]
     allowance = COARSE if coarse else 1.0
-    for before, after, limit, least in levels:
+    for before, after, limit, least, text in levels:
         blamed = {item.stage for item in found}
         for name, ms in after.items():
             share = _share(before, name, ms)
             if name not in blamed and ms > (allowance * limit) ** 2 and share > least:
-                found.append(Leftover(name, share))
+                found.append(Leftover(name, share, text))
     return tuple(sorted(found, key=lambda left: -left.share))
 
 

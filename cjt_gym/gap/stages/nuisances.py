@@ -26,8 +26,9 @@ OWN = ("i_0", "tau_0", "q_0")
 BLURRED = 0.3
 """Relative deviation of inertia and damping if a log is too slow to follow the joint's swing."""
 LAG_TOLERANCE = 0.2
-STRETCH, FURTHEST = 30.0, 5.0
-"""Largest change of a datasheet value in a fit: in standard deviations, and as a factor."""
+STRETCH, FURTHEST, ANYWHERE = 30.0, 5.0, 100.0
+"""Largest change of a datasheet value in a fit: in standard deviations, as a factor, and as a
+factor of a guess."""
 HELD = 0.3
 """Standard deviation of the instant at which a drive latches its command, in samples."""
 
@@ -39,12 +40,20 @@ class Nuisance:
     field: str
     unknown: Number
     stages: tuple[str, ...]
+    along: tuple[str, ...] = ()  # fields that change by the same factor: guesses of one mass
+
+    def put(self, fields: Fields, nominal: Fields, z: float) -> None:
+        """Set its fields for a coordinate."""
+        value = self.unknown.value(z)
+        fields[self.field] = value
+        for other in self.along:
+            fields[other] = nominal[other] * value / nominal[self.field]
 
 
 def nuisances(setting: Setting, stages: tuple[str, ...]) -> tuple[Nuisance, ...]:
     """Return the numbers that are free in every fit of a record."""
     found = [*_parameters(setting), *_offsets(setting)]
-    kept = [Nuisance(n.field, n.unknown, tuple(s for s in n.stages if s in stages)) for n in found]
+    kept = [replace(n, stages=tuple(s for s in n.stages if s in stages)) for n in found]
     return tuple(n for n in kept if n.stages)
 
 
@@ -98,8 +107,24 @@ def tolerance(setting: Setting, field: str) -> float:
     return DEFAULT_TOLERANCE.get(field, DEFAULT_TOLERANCE.get(field[0], 0.05))
 
 
+def guesses_of(setting: Setting, body: str) -> tuple[str, ...]:
+    """Return the guessed inertias of the bodies that move as one with a body."""
+    groups, known = setting.structure.groups, setting.joint.parameters.quantities
+    own = groups["mgl".index(body)]
+    together = [f"I_{b}" for b, group in zip("mgl", groups, strict=True) if group == own >= 0]
+    return tuple(
+        symbol
+        for symbol in together
+        if setting.nominal[symbol] > 0.0 and tolerance(setting, symbol) == GUESSED
+        and symbol in known
+    )  # fmt: skip
+
+
 def active_parameters(setting: Setting) -> tuple[str, ...]:
-    """Return the datasheet values that this structure depends on, one per lumped body."""
+    """Return the datasheet values that this structure depends on, one per lumped body.
+
+    Of an inertia of which a part is a guess, it is the guess.
+    """
     names = ["k_t", "I_m", "d_m"]
     if setting.has_gear:
         names += ["I_g", "d_g", "k_g", "d_mg"]
@@ -109,6 +134,8 @@ def active_parameters(setting: Setting) -> tuple[str, ...]:
         names += ["k_b", "d_gl"]
         if not setting.structure.output_fixed:
             names += ["I_l", "d_l"]
+    guessed = {f"I_{b}": guesses_of(setting, b)[:1] for b in "mgl"}
+    names = [(guessed.get(name) or (name,))[0] for name in names]
     return tuple(name for name in names if setting.nominal[name] > 0.0)
 
 
@@ -117,9 +144,11 @@ def _parameters(setting: Setting) -> list[Nuisance]:
     for name in active_parameters(setting):
         scale = _lumped_tolerance(setting, name)
         unit = setting.joint.parameters.unit(name)
-        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), FURTHEST)
+        most = FURTHEST if scale < GUESSED else ANYWHERE
+        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), most)
         unknown = Number(name, unit, start, scale, True, low=start / far, high=start * far)
-        rows.append(Nuisance(name, unknown, stages_of(setting, name)))
+        along = guesses_of(setting, name[2])[1:] if name.startswith("I_") else ()
+        rows.append(Nuisance(name, unknown, stages_of(setting, name), along))
     return rows
 
 
@@ -129,6 +158,8 @@ def _lumped_tolerance(setting: Setting, name: str) -> float:
     own = {"I": 0, "d": 0}
     if name[0] not in own or name[1:] not in ("_m", "_g", "_l"):
         return tolerance(setting, name)
+    if name[0] == "I" and guesses_of(setting, name[2]):
+        return GUESSED
     body = "mgl".index(name[2])
     together = [b for b in range(3) if groups[b] == groups[body] and groups[body] >= 0]
     fields = [f"{name[0]}_{'mgl'[b]}" for b in together]

@@ -81,6 +81,17 @@ def test_a_command_alone_shows_a_delay_by_the_motion() -> None:
     size, unit = found.smallest["command_delay"]
     assert unit == "s"
     assert 0.25e-3 <= size < 0.01
+    assert reasons(found)["command_quantization"].startswith("The current is not measured")
+
+
+def test_a_torque_that_the_structure_does_not_use_does_not_show_the_torque_constant() -> None:
+    beside = examine(record(columns() | {"tau": 0.1 * columns()["i"]}), joint(), None)
+    assert reasons(beside)["torque_constant"].startswith("No torque is used")
+    pushed = examine(record(columns() | {"tau_l": 0.1 * columns()["i"]}), joint(), None)
+    assert (
+        "torque_constant" not in reasons(pushed)
+        or "torque is" not in reasons(pushed)["torque_constant"]
+    )
 
 
 def test_a_delay_below_a_quarter_of_a_sample_is_not_promised() -> None:

@@ -38,6 +38,26 @@ def test_records_of_different_lengths_are_judged_together() -> None:
     assert set(together.can_tell) == set(alone.can_tell)
 
 
+def test_steps_in_another_unit_are_no_quantization() -> None:
+    found = examine(record(coarse_degrees(columns())), joint(), None)
+    (row,) = (row for row in found.cannot_tell if row.name == "quantization")
+    assert row.why.startswith("q_m has steps 57.3 times")
+
+
+def test_motion_in_few_samples_is_not_said_to_be_none() -> None:
+    steps = np.cumsum(np.clip(np.arange(180) - 90, 0, 30) % 30)
+    rng = np.random.default_rng(0)
+    table = {
+        "t": 0.02 * np.arange(180),
+        "i": np.gradient(np.gradient(0.01 * steps)) + rng.normal(0.0, 1e-3, 180),
+        "q_m": 0.01 * steps + rng.normal(0.0, 1e-5, 180),
+    }
+    found = examine(record(table), joint(), None)
+    reasons = {row.name: row.why for row in found.cannot_tell}
+    assert reasons["inertia"] == "The motor moves in fewer than 50 samples."
+    assert not found.at_rest
+
+
 def test_a_noisy_velocity_is_none() -> None:
     assert not [text for text in faults(noisy_velocity(columns())) if "slope" in text]
 
@@ -52,6 +72,10 @@ def half_velocity(table: Table) -> Table:
 
 def in_degrees(table: Table) -> Table:
     return table | {"q_m": np.rad2deg(table["q_m"])}
+
+
+def coarse_degrees(table: Table) -> Table:
+    return table | {"q_m": np.rad2deg(np.round(table["q_m"] / 1e-5) * 1e-5)}
 
 
 def velocity_beside_degrees(table: Table) -> Table:
@@ -154,6 +178,7 @@ def stale(table: Table) -> Table:
     [
         (half_velocity, "dq_m is 0.5 times the slope of q_m."),
         (in_degrees, "near 180/pi"),
+        (coarse_degrees, "q_m has steps 57.3 times the resolution that the joint file states, as"),
         (velocity_beside_degrees, "q_m: its slope is 57.3 times dq_m, as if in deg."),
         (against_its_command, "i: sign turned (i follows i_cmd"),
         (double_current, "i is 2 times i_cmd."),

@@ -12,7 +12,7 @@ import pytest
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.candidate import scales
 from cjt_gym.gap.candidates.drive import drive_rows
-from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
 from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
@@ -20,7 +20,7 @@ from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
-from cjt_gym.gap.horizons.judge import Judgement, Row
+from cjt_gym.gap.horizons.judge import Judgement, Row, _loses
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.named import _deserves
 from cjt_gym.gap.horizons.predictable import Predictable
@@ -28,6 +28,7 @@ from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
 from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
+from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.worth import Worth
 from cjt_gym.gap.horizons.write import _torn
 from cjt_gym.gap.recorded.setting import make_setting
@@ -133,13 +134,38 @@ def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(
     text = "No cause is named; refined values predict better: damping 2 for 1."
     silent = replace(told, verdict="no_gap", effects=())
     silent = replace(silent, unexplained=replace(told.unexplained, text=text))
-    found = _with_elsewhere(silent, first, Judgement(case, "base", case.joint, ()))
+    found = _with_elsewhere(silent, first, Judgement(case, "base", case.joint, ()), measured=True)
     assert [(e.name, e.status) for e in found.effects] == [("quantization", "tentative")]
     assert found.verdict == "explained"
     assert found.unexplained.text == "Refined values predict better: damping 2 for 1."
     sure = replace(first, verdict="explained")
-    settled = _with_elsewhere(silent, sure, Judgement(case, "base", case.joint, ()))
+    settled = _with_elsewhere(silent, sure, Judgement(case, "base", case.joint, ()), measured=True)
     assert [e.name for e in settled.effects] == ["quantization", "noise"]
+
+
+@pytest.mark.parametrize(
+    ("after", "measured", "named"), [(1.0, True, True), (5.0, True, False), (1.0, False, False)]
+)
+def test_a_drive_that_is_explained_is_told_whatever_the_motion_says(
+    after: float, measured: bool, named: bool, case: Case, told: Diagnosis
+) -> None:
+    limit = {"i_p": Interval(5.9, 5.8, 6.0, "A")}
+    row = ("current_saturation", "drive", None, None, limit, "tentative", 0.5, 0.1, (), 1.0)
+    stages = {**told.stages, "drive": StageGap(100.0, after, True)}
+    first = replace(told, verdict="partly_explained", effects=(NamedEffect(*row),), stages=stages)
+    silent = replace(told, verdict="no_gap", effects=())
+    judged = Judgement(case, "datasheet", case.joint, ())
+    found = _with_elsewhere(silent, first, judged, measured=measured)
+    assert [e.name for e in found.effects] == (["current_saturation"] if named else [])
+
+
+def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Case) -> None:
+    keys = (("tau", 0.02), ("tau", WHOLE))
+    held: Any = SimpleNamespace(test=SimpleNamespace(keys=keys))
+    short, own, other, near = (np.full((4, 4), x) for x in (0.02, 0.33, 0.24, 0.31))
+    assert _loses(held, [short, own], [short, other])
+    assert not _loses(held, [short, own], [short, near])
+    assert not _loses(held, [own, short], [other, short]), "pieces of a tenth may drift"
 
 
 @pytest.mark.parametrize(
