@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.grow import beyond, extend, is_needed, leaves, priced
 from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.rivals import ALIKE, FIRST, rivals_of
 from cjt_gym.gap.horizons.starts import apart, begin, best_start, inverse_starts, seeded
-from cjt_gym.gap.horizons.worth import worth
+from cjt_gym.gap.horizons.worth import Worth, worth
 
 PATIENCE = 60_000_000
 """Number of predicted samples (half a minute of work or more) after which the search stops."""
@@ -145,7 +145,16 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term, held: Held) ->
     if found.fall > found.price and not found.seen and term.tight is None:
         gained = held(less) - held(more)
         found = replace(found, held=gained if gained > LOUDLY * found.price else 0.0)
-    return found.enough
+    return found.enough and _is_seen_throughout(term, found)
+
+
+def _is_seen_throughout(term: Term, found: Worth) -> bool:
+    """Return whether heat shows in many pieces of its own record, for which no other can stand in.
+
+    A motor is as warm in every record as its own past made it; one that weakens in another record
+    as well, but not clearly in this one, may as well have friction that grows.
+    """
+    return term.family != WARM or found.clear > found.needed
 
 
 def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:
@@ -175,7 +184,13 @@ def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
             continue
         worths = worths_of(problem, less, fit, held)
         own = [k for k in beyond(base, fit) if not is_needed(fit, k)]
-        weak = [k for k in own if not worths[k].enough or _at_an_edge(problem, fit, k)]
+        weak = [
+            k
+            for k in own
+            if not worths[k].enough
+            or not _is_seen_throughout(fit.model.terms[k], worths[k])
+            or _at_an_edge(problem, fit, k)
+        ]
         if not weak:
             return Found(fit, base, worths, ((),) * len(worths), tuple(less))
         fit = less[min(weak, key=lambda k: worths[k].fall)]

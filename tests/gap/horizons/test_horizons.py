@@ -221,7 +221,7 @@ def test_it_names_the_friction_and_not_the_guess(told: Diagnosis) -> None:
 def test_a_guess_that_is_far_off_is_corrected_and_not_named() -> None:
     found = diagnose(record(), datasheet(12.0), "rigid")
     assert {effect.name for effect in found.effects} == {"coulomb", "damping"}
-    assert found.joint.effects["inertia"]["I_m"].value == pytest.approx(0.02, rel=0.1)
+    assert found.joint.parameters.I_m == pytest.approx(0.02, rel=0.1)
 
 
 def test_a_value_that_is_further_off_than_its_datasheet_says_is_freed_of_it() -> None:

@@ -18,8 +18,9 @@ from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.named import _is_strained
 from cjt_gym.gap.horizons.rivals import rivals_of
 from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.search import pruned, search
+from cjt_gym.gap.horizons.search import _is_seen_throughout, pruned, search
 from cjt_gym.gap.horizons.starts import _one_by_one
+from cjt_gym.gap.horizons.worth import Worth
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
@@ -194,3 +195,12 @@ def test_a_grid_of_many_guesses_is_searched_one_by_one() -> None:
     ends = _one_by_one(cost, np.zeros(6), grids)
     assert ends[0] == pytest.approx(best)
     assert len(tried) <= 2 * sum(map(len, grids))
+
+
+def test_heat_that_only_the_held_out_record_shows_is_not_added() -> None:
+    heat, dry = (Term("any", (), lambda *_: None, family=family) for family in ("warm", "dry"))
+    elsewhere = Worth(fall=64.8, clear=3.0, rest=60.0, price=16.0, needed=5.0, held=121.4)
+    assert elsewhere.enough
+    assert _is_seen_throughout(dry, elsewhere)
+    assert not _is_seen_throughout(heat, elsewhere)
+    assert _is_seen_throughout(heat, replace(elsewhere, clear=6.0))
