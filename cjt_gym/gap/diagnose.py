@@ -341,7 +341,7 @@ def _report(
         regimes=next(iter(lying.values()))[0],
         effects=told_by(setting, fields, named),
         gap=gap,
-        unexplained=_unexplained(left, said, missing),
+        unexplained=_unexplained(left, said, missing, replayed=bool(hidden)),
         suggestion=Suggestion(""),
         seconds=time.perf_counter() - started,
         evidence=drawn,
@@ -423,14 +423,19 @@ def _stages(
 
 
 def _unexplained(
-    left: Sequence[Leftover], open_ends: Sequence[str], missing: tuple[str, ...]
+    left: Sequence[Leftover],
+    open_ends: Sequence[str],
+    missing: tuple[str, ...],
+    *,
+    replayed: bool,
 ) -> Unexplained:
     if not left:
         return Unexplained(0.0, None, " ".join((NOTHING_LEFT, *open_ends)), missing=missing)
     worst = left[0]
     like = f" It looks like {worst.text}." if worst.text else ""
+    place = "a replay" if replayed else f"the {worst.stage} stage"
     text = (
-        f"In the {worst.stage} stage {100 * worst.share:.0f} % of the gap is left. "
+        f"In {place} {100 * worst.share:.0f} % of the gap is left. "
         f"No effect of the table explains it.{like}"
     )
     said = " ".join((text, *open_ends))

@@ -74,6 +74,8 @@ def _known_better(view: View, text: str) -> bool:
 
 def _still(view: View) -> list[str]:
     may = (*LOOP, *(("q_l", "dq_l") if view.structure.output_fixed else ()))
+    if view.motor is not None and view.motor.coasts:
+        may += tuple(name for name in (view.drive, view.command) if name is not None)
     return [
         f"{name} never changes: {channel.low:.4g} throughout."
         for name, channel in view.channels.items()

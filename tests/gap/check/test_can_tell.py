@@ -128,6 +128,7 @@ def test_a_joint_that_coasts_shows_its_friction_beside_its_inertia() -> None:
     assert {"damping", "coulomb"} <= set(found.can_tell)
     assert 1e-9 < found.smallest["coulomb"][0] < FRICTION
     assert reasons(found)["inertia"].startswith("Nothing drives the joint")
+    assert not [fault for fault in found.faults if "never changes" in fault]
 
 
 def test_noise_of_the_current_hides_small_friction() -> None:
