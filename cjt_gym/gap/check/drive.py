@@ -16,7 +16,7 @@ LATEST = 0.03
 FEWEST_VALUES = 20
 """Number of distinct values of a command below which its rounding cannot be evaluated."""
 NEAR_LIMIT = 0.1
-"""Least share of the largest current that a record must reach."""
+"""Least share of the largest current that a command must reach if the current is not measured."""
 NO_CURRENT = Unseen("the drive takes a voltage, not a current", "Record the measured current.")
 CHANGES = "Record steps of different sizes in the command, and the measured current."
 
@@ -60,7 +60,8 @@ def current_saturation(view: View) -> Verdict:
     assert view.command is not None
     known = view.channels[view.command]
     most, limit = max(abs(known.low), abs(known.high)), view.value("i_p")
-    if view.command == "i_cmd" and known.unit == "A" and 0.0 < most < NEAR_LIMIT * limit:
+    far = view.command == "i_cmd" and known.unit == "A" and 0.0 < most < NEAR_LIMIT * limit
+    if far and "i" not in view:
         why = f"the command reaches {most:.2g} A of the {limit:.3g} A that the drive allows"
         return Unseen(why, "Record steps up to the largest current.")
     return Seen(most, known.unit)

@@ -94,8 +94,9 @@ def judged(
             text = f"{said} {told.unexplained.text}"
             told = replace(told, unexplained=replace(told.unexplained, text=text))
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
-    told = allowed_by(retold(first, found, excluded, _title(records[0])), excluded)
+    told = retold(first, found, excluded, _title(records[0]))
     told = _with_elsewhere(told, first, found, measured=any("i" in one for one in records))
+    told = allowed_by(told, excluded)
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
     if not told.effects and not found.cut and main_row(found).found > LOUD:
@@ -111,8 +112,12 @@ def _with_elsewhere(
 
     These are faults of sensors, and those of a drive whose current was measured.
     """
-    known = {e.name for e in told.effects} | LATE
     driven = measured and first.stages["drive"].after < SILENT
+    own = {e.name for e in first.effects if driven and e.stage == "drive"}
+    if own - LATE:  # what bends or clips a current may pass for a delay
+        kept = tuple(e for e in told.effects if e.name not in LATE - own)
+        told = replace(told, effects=kept)
+    known = {e.name for e in told.effects} | LATE
     seen = [
         e
         for e in first.effects
@@ -129,10 +134,15 @@ def _with_elsewhere(
     left = replace(told.unexplained, text=told.unexplained.text.replace(NAMELESS, BESIDE))
     return replace(
         told,
-        effects=(*told.effects, *more),
+        effects=tuple(sorted((*told.effects, *more), key=_is_doubtful_motion)),
         verdict=verdict.get(told.verdict, told.verdict),
         unexplained=left,
     )
+
+
+def _is_doubtful_motion(effect: NamedEffect) -> bool:
+    """Return whether an effect comes after the confirmed ones of a drive."""
+    return effect.stage != "drive" or effect.status != "confirmed"
 
 
 def _near(found: Judgement) -> bool:

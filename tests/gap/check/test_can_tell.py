@@ -94,6 +94,16 @@ def test_a_torque_that_the_structure_does_not_use_does_not_show_the_torque_const
     )
 
 
+def test_a_measured_current_shows_every_limit_that_the_command_exceeds() -> None:
+    table = columns()
+    peak = float(np.abs(table["i_cmd"]).max())
+    most = joint(i_p=100.0 * peak)
+    found = examine(record(table), most, None)
+    assert found.smallest["current_saturation"] == (pytest.approx(peak), "A")
+    del table["i"]
+    assert "of the" in reasons(examine(record(table), most, None))["current_saturation"]
+
+
 def test_a_delay_below_a_quarter_of_a_sample_is_not_promised() -> None:
     found = examine(record(columns(dt=0.01)), joint(), None)
     assert found.smallest["command_delay"][0] > 2.4e-3

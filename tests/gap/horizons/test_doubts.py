@@ -159,6 +159,23 @@ def test_a_drive_that_is_explained_is_told_whatever_the_motion_says(
     assert [e.name for e in found.effects] == (["current_saturation"] if named else [])
 
 
+def test_a_current_that_is_clipped_is_no_late_one(case: Case, told: Diagnosis) -> None:
+    def of_drive(name: str, status: str) -> NamedEffect:
+        number = {"x": Interval(1.0, 0.9, 1.1, "A")}
+        return NamedEffect(name, "drive", None, None, number, status, 0.5, 0.1, (), 1.0)
+
+    stages = {**told.stages, "drive": StageGap(100.0, 1.0, True)}
+    judged = Judgement(case, "found", case.joint, ())
+    late = replace(told, effects=(*told.effects, of_drive("command_delay", "tentative")))
+    clipped = replace(told, effects=(of_drive("current_saturation", "confirmed"),), stages=stages)
+    found = _with_elsewhere(late, clipped, judged, measured=True)
+    assert [e.name for e in found.effects] == [
+        "current_saturation", *(e.name for e in told.effects)
+    ]  # fmt: skip
+    silent = replace(told, effects=(), stages=stages)
+    assert _with_elsewhere(late, silent, judged, measured=True).effects == late.effects
+
+
 def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Case) -> None:
     keys = (("tau", 0.02), ("tau", WHOLE))
     held: Any = SimpleNamespace(test=SimpleNamespace(keys=keys))
