@@ -14,9 +14,11 @@ from cjt_gym.gap.check.pieces import ORDER, smooth
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.drive import fit_drive
 from cjt_gym.gap.horizons.held import slow_alike
+from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.rows import candidates, scales_of
+from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
 from cjt_gym.gap.horizons.windows import WHOLE, Piece
 from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.joint.joint import Joint
@@ -101,6 +103,17 @@ def test_a_replay_that_is_far_off_is_not_explained() -> None:
     found = diagnose(record, sheet(), HELD)
     assert found.gap.after > 0.3
     assert found.verdict in ("partly_explained", "unexplained")
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(0.2, "unexplained"), (0.1, "no_gap")])
+def test_a_fifth_of_a_whole_held_record_is_a_gap_though_nothing_is_named(
+    left: float, verdict: str
+) -> None:
+    case = make_case([slow_record(seconds=4.0)], [], sheet(), get_structure(HELD))
+    rows = (Row(0.0, "tau", left, None, left, None, None),)
+    judged = Judgement(case, "datasheet", case.joint, rows)
+    assert verdict_of(judged, (), suspected=False) == verdict
+    assert ("does not drift" in unexplained_of(judged, verdict, ()).text) == (left > 0.15)
 
 
 def test_a_dead_time_of_one_row_is_no_lag_where_rows_are_uneven() -> None:

@@ -19,7 +19,7 @@ from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
 from cjt_gym.joint import Joint
 
-DRIFTLESS = 0.3
+DRIFTLESS = 0.15
 """Relative error over a whole record of a held output, which does not drift, above which nothing
 counts as explained."""
 HALVED = 0.5
@@ -127,7 +127,9 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
             return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
         share = min(main.found, 1.0) ** 2
         rest = (
-            "; this record does not tell how much of it could be"
+            ", although a held output does not drift"
+            if main.seconds == WHOLE
+            else "; this record does not tell how much of it could be"
             if _is_unknown(main)
             else ", and no regression predicts it either"
         )

@@ -102,22 +102,25 @@ def tolerance(setting: Setting, field: str) -> float:
     quantity = setting.joint.parameters.quantities.get(field)
     if quantity is not None and quantity.tolerance is not None:
         return max(quantity.tolerance, 1e-4)
-    if not np.isfinite(tolerance_of(setting.joint, field, 0.0)) and quantity is not None:
+    if _is_guess(setting, field):
         return GUESSED
     return DEFAULT_TOLERANCE.get(field, DEFAULT_TOLERANCE.get(field[0], 0.05))
 
 
 def guesses_of(setting: Setting, body: str) -> tuple[str, ...]:
     """Return the guessed inertias of the bodies that move as one with a body."""
-    groups, known = setting.structure.groups, setting.joint.parameters.quantities
+    groups = setting.structure.groups
     own = groups["mgl".index(body)]
     together = [f"I_{b}" for b, group in zip("mgl", groups, strict=True) if group == own >= 0]
-    return tuple(
-        symbol
-        for symbol in together
-        if setting.nominal[symbol] > 0.0 and tolerance(setting, symbol) == GUESSED
-        and symbol in known
-    )  # fmt: skip
+    return tuple(s for s in together if setting.nominal[s] > 0.0 and _is_guess(setting, s))
+
+
+def _is_guess(setting: Setting, field: str) -> bool:
+    """Return whether a datasheet value is a guess without a tolerance."""
+    quantity = setting.joint.parameters.quantities.get(field)
+    if quantity is None or quantity.tolerance is not None:
+        return False
+    return not np.isfinite(tolerance_of(setting.joint, field, 0.0))
 
 
 def active_parameters(setting: Setting) -> tuple[str, ...]:
@@ -144,7 +147,7 @@ def _parameters(setting: Setting) -> list[Nuisance]:
     for name in active_parameters(setting):
         scale = _lumped_tolerance(setting, name)
         unit = setting.joint.parameters.unit(name)
-        most = FURTHEST if scale < GUESSED else ANYWHERE
+        most = ANYWHERE if _is_guess(setting, name) else FURTHEST
         start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), most)
         unknown = Number(name, unit, start, scale, True, low=start / far, high=start * far)
         along = guesses_of(setting, name[2])[1:] if name.startswith("I_") else ()
@@ -158,7 +161,7 @@ def _lumped_tolerance(setting: Setting, name: str) -> float:
     own = {"I": 0, "d": 0}
     if name[0] not in own or name[1:] not in ("_m", "_g", "_l"):
         return tolerance(setting, name)
-    if name[0] == "I" and guesses_of(setting, name[2]):
+    if name[0] == "I" and guesses_of(setting, name[2]) and not setting.too_slow:
         return GUESSED
     body = "mgl".index(name[2])
     together = [b for b in range(3) if groups[b] == groups[body] and groups[body] >= 0]
