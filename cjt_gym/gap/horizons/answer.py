@@ -134,14 +134,14 @@ def _with_elsewhere(
     left = replace(told.unexplained, text=told.unexplained.text.replace(NAMELESS, BESIDE))
     return replace(
         told,
-        effects=tuple(sorted((*told.effects, *more), key=_is_doubtful_motion)),
+        effects=tuple(sorted((*told.effects, *more), key=_follows_a_sure_drive)),
         verdict=verdict.get(told.verdict, told.verdict),
         unexplained=left,
     )
 
 
-def _is_doubtful_motion(effect: NamedEffect) -> bool:
-    """Return whether an effect comes after the confirmed ones of a drive."""
+def _follows_a_sure_drive(effect: NamedEffect) -> bool:
+    """Return whether an effect is listed after the confirmed effects of a drive."""
     return effect.stage != "drive" or effect.status != "confirmed"
 
 
