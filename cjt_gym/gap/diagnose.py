@@ -312,11 +312,13 @@ def _report(
         told, models = {}, [nominal]
         gap, rungs, replays = measure_gap(settings, models, held_out)
     if gap.high < -HARM:  # whatever each is worth, together they do harm
-        named = tuple(doubted(effect) for effect in named)
+        why = "the named effects together make the replay worse"
+        named = tuple(doubted(effect, why) for effect in named)
     left = found.left if explains else untouched(found.left)
     hidden = () if left else out_of_sight(setting, problem.stages.names, gap)
     if hidden:
-        named = tuple(doubted(e) if e.stage in BESIDE_SPRING else e for e in named)
+        why = "nothing tells the spring from the load"
+        named = tuple(doubted(e, why) if e.stage in BESIDE_SPRING else e for e in named)
     left = left or hidden
     stages = _stages(found, fit, all_before, named)
     drawn = gather(problem, fit, within, before)

@@ -15,6 +15,11 @@ from cjt_gym.joint import JointFile
 from cjt_gym.records import Record, write_record
 
 SCHEMA = 1
+EVEN_CHANCE = 0.5
+"""Confidence below which no effect counts as confirmed."""
+STRETCHED = "other values of the datasheet had to leave their tolerances beside it"
+MUCH_LEFT = "much stays unexplained beside it"
+"""Doubts about an effect that the stages and the search have in common."""
 NOTHING_LEFT = "In every stage the rest is what noise and tolerances explain."
 
 
@@ -52,6 +57,7 @@ class NamedEffect:
         lead: Evidence by which the explanation leads the best one without this effect.
         worth: Reduction of held-out residuals relative to the change that the effect makes: 1 for
             a true effect; None for a sensor, or if no held-out record excites it.
+        doubt: Why it is only tentative; empty if it is confirmed.
     """
 
     name: str
@@ -65,6 +71,12 @@ class NamedEffect:
     confusable_with: tuple[str, ...] = ()
     lead: float = 0.0
     worth: float | None = None
+    doubt: str = ""
+
+    def doubted(self, why: str) -> NamedEffect:
+        """Return the effect as a tentative one, for this reason or one that it has already."""
+        chance = min(self.confidence, EVEN_CHANCE)
+        return replace(self, status="tentative", confidence=chance, doubt=self.doubt or why)
 
 
 @dataclass(frozen=True)

@@ -131,4 +131,6 @@ def test_dry_friction_is_not_confirmed_where_motion_in_one_direction_hides_an_of
     hidden = dict.fromkeys(("torque_offset", "coulomb_asym"), "motion in one direction")
     beside_a_weight = allowed_by(found, {"torque_offset": ""})
     assert beside_a_weight.effects == found.effects
-    assert [e.status for e in allowed_by(found, hidden).effects] == ["tentative"]
+    (doubtful,) = allowed_by(found, hidden).effects
+    assert (doubtful.status, doubtful.confidence) == ("tentative", 0.5)
+    assert "cannot tell it" in doubtful.doubt

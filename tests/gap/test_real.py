@@ -42,6 +42,7 @@ def test_friction_and_offset_of_a_drive_are_named_from_a_frictionless_nominal(
     skew = {"torque_offset", "coulomb_asym", "viscous_asym"}
     assert names(emps) & skew, "the drive differs between its directions"
     assert not [e for e in emps.effects if e.name in skew and e.status == "confirmed"]
+    assert all(bool(e.doubt) == (e.status == "tentative") for e in emps.effects)
     found = {s: p for effect in emps.effects for s, p in effect.parameters.items()}
     assert found["d_cm"].value == pytest.approx(20.3935, rel=0.15)
     assert emps.verdict in ("explained", "partly_explained")

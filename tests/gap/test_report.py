@@ -18,6 +18,7 @@ from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.report import summary, write_report
 from cjt_gym.gap.report.chart import decades, decimated, tick_texts, ticks
 from cjt_gym.gap.report.maps import friction_maps, ripple, spring_loop
+from cjt_gym.gap.report.page import page
 from cjt_gym.gap.report.words import interval, number, percent, verdict_sentence
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fit import Model, Problem
@@ -163,6 +164,19 @@ def test_the_verdict_tells_tentative_names_apart(explained: Diagnosis) -> None:
     assert re.search(r"; asymmetric Coulomb .*\), and tentatively Stribeck .*\), explain ", both)
     alone = verdict_sentence(replace(explained, effects=(doubtful,)))
     assert "; tentatively Stribeck friction" in alone
+
+
+def test_what_keeps_a_name_from_being_confirmed_is_told_once(explained: Diagnosis) -> None:
+    (sure,) = explained.effects
+    two = [replace(sure, name=name).doubted("nothing shows it") for name in ("stribeck", "damping")]
+    other = replace(sure, name="gravity").doubted("it is small")
+    told = replace(explained, effects=(sure, *two, other.doubted("not this")))
+    lines = [line for line in summary(told).splitlines() if ": tentative, as" in line]
+    assert lines == [
+        "stribeck and damping: tentative, as nothing shows it",
+        "gravity: tentative, as it is small",
+    ]
+    assert page(told, "gap").count("nothing shows it") == 2
 
 
 def test_no_gap_and_an_unknown_effect_have_their_sentences(

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
+from cjt_gym.gap.diagnosis import MUCH_LEFT, NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import slow_alike
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.named import LATE, as_tentative, of_drive
+from cjt_gym.gap.horizons.named import LATE, of_drive
 from cjt_gym.gap.horizons.tell import horizons_of, retold
 from cjt_gym.gap.horizons.verdict import (
     BESIDE,
@@ -125,7 +125,8 @@ def _with_elsewhere(
     ]
     if first.verdict not in SETTLED:  # something else may have scattered a channel, but not rounded
         sure = told.verdict != "no_gap"
-        seen = [as_tentative(e) for e in seen if sure or e.name == ROUNDED or e.stage == "drive"]
+        said = "what stays unexplained may be its cause"
+        seen = [e.doubted(said) for e in seen if sure or e.name == ROUNDED or e.stage == "drive"]
     if not seen:
         return told
     least = min((e.gap_removed for e in told.effects), default=1.0)
@@ -161,7 +162,7 @@ def _suspected(
     if not effects:
         return told
     left = replace(told.unexplained, text=f"{said} {first.unexplained.text}")
-    suspects = tuple(as_tentative(e) for e in effects)
+    suspects = tuple(e.doubted("it helps one sample ahead only") for e in effects)
     return replace(told, verdict="partly_explained", effects=suspects, unexplained=left)
 
 
@@ -206,8 +207,7 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
         return first
     kept = sound and main.found < GONE * main.datasheet
     effects = tuple(
-        e if kept or e.name in MEASURES or e.status == "tentative" else as_tentative(e)
-        for e in first.effects
+        e if kept or e.name in MEASURES else e.doubted(MUCH_LEFT) for e in first.effects
     )
     said = f"With the named effects {min(left, 1.0):.0%} of what was measured is left."
     if first.verdict != "explained":
@@ -242,7 +242,8 @@ def _either_slow(first: Diagnosis, found: Judgement) -> Diagnosis:
     for effect in first.effects:
         if alike := slow_alike(effect.name, found.joint, found.case.logs[0]):
             others = tuple(dict.fromkeys((*effect.confusable_with, *alike)))
-            effect = replace(as_tentative(effect), confusable_with=others)
+            effect = effect.doubted(f"{' or '.join(alike)} may take its place")
+            effect = replace(effect, confusable_with=others)
         effects.append(effect)
     return replace(first, effects=tuple(effects))
 
@@ -271,7 +272,7 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     """
     doubtful = {*excluded, "coulomb"} if excluded.keys() >= ONE_WAY else set(excluded)
     effects = tuple(
-        as_tentative(e) if e.name in doubtful and e.status == "confirmed" else e
+        e.doubted("check says that this record cannot tell it") if e.name in doubtful else e
         for e in first.effects
     )
     return replace(first, effects=effects)

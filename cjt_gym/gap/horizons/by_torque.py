@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 from scipy.stats import t as student
 
-from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.model import Term, motor_inertia
@@ -88,8 +88,9 @@ def told_by_torque(
         found.append(
             NamedEffect(
                 one.name, EFFECTS[one.name].stage, BODIES.get(one.name), None,
-                _numbers(one, judged.case.joint), "tentative", 0.5,
-                one.share if alone else 0.0, EITHER.get(one.name, ()), 0.0,
+                _numbers(one, judged.case.joint), "tentative", EVEN_CHANCE,
+                one.share if alone else 0.0, EITHER.get(one.name, ()),
+                doubt="the torque shows it, predictions of the motion do not",
             )
         )  # fmt: skip
     return tuple(found)

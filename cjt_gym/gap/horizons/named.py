@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.diagnosis import MUCH_LEFT, STRETCHED, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, EITHER, agrees, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
@@ -58,11 +58,6 @@ COMBINED = ("gravity", "viscous_asym")
 """Effects whose numbers in the effect table are combinations of the fitted ones."""
 
 
-def as_tentative(effect: NamedEffect) -> NamedEffect:
-    """Return an effect with tentative status."""
-    return replace(effect, status="tentative", confidence=min(effect.confidence, 0.5))
-
-
 def effects_of(
     judged: Judgement, excluded: Mapping[str, str], seen: Mapping[str, Spent]
 ) -> tuple[NamedEffect, ...]:
@@ -91,7 +86,8 @@ def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
         for symbol, one in effect.parameters.items()
         if isinstance(x := given.get(symbol, one.value), float)
     }
-    return as_tentative(replace(effect, parameters=numbers))
+    regressed = replace(effect, parameters=numbers)
+    return regressed.doubted("least squares predicts as well, and does not choose among effects")
 
 
 def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
@@ -204,20 +200,26 @@ def _named(
         same = tuple(sorted(SKEW - {term.name}))
     same = (*same, *slow_alike(term.name, judged.joint, judged.case.logs[0]))
     removed = _removed(found.less[index], found.fit)
-    firm = worth.clear > SURE * worth.needed and worth.fall > FIRM * worth.price
-    firm = firm and not genuine and not same
-    firm = firm and (test is None or test.fall > 0.0)
-    firm = firm and (term.name not in MIMICS or removed > MUCH)
-    firm = firm and (term.name != "stribeck" or _levelled(found.fit, index))
-    firm = firm and (term.name not in LATE or judged.case.logs[0].drive == "i")
-    firm = firm and not judged.unexplained and worst_row(judged).found < LOUD
-    firm = firm and not _is_strained(judged, term)
+    alike = tuple(dict.fromkeys((*genuine, *same)))
+    slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
+    delayed = term.name in LATE and judged.case.logs[0].drive != "i"
+    doubts = (
+        (bool(alike), f"{' or '.join(alike)} may take its place"),
+        (slight, "few parts of the record show it, or hardly"),
+        (test is not None and test.fall <= 0.0, "held-out data do not call for it"),
+        (term.name in MIMICS and removed <= MUCH, "a wrong input or position may look like it"),
+        (term.name == "stribeck" and not _levelled(found.fit, index), "it falls to no level"),
+        (delayed, "without the measured current, slow mechanics look the same"),
+        (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
+        (_is_strained(judged, term), STRETCHED),
+    )
+    doubt = next((why for holds, why in doubts if holds), "")
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
-    return NamedEffect(
+    effect = NamedEffect(
         term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
-        "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
-        removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
+        "confirmed", confidence, removed, alike, worth.fall,
     )  # fmt: skip
+    return effect.doubted(doubt) if doubt else effect
 
 
 def _is_overwhelming(judged: Judgement, index: int) -> bool:
@@ -299,8 +301,10 @@ def of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
         bandwidth = 1.0 / (2.0 * np.pi * drive.lag)
         value = Interval(bandwidth, 0.7 * bandwidth, 1.4 * bandwidth, "Hz")
         found.append(("current_lag", {"bandwidth": value}))
-    other = {"command_delay": ("current_lag",), "current_lag": ("command_delay",)}
+    other = {"command_delay": "current_lag", "current_lag": "command_delay"}
     return tuple(
-        NamedEffect(name, "drive", None, None, numbers, "tentative", 0.5, removed, other[name])
-        for name, numbers in found
+        NamedEffect(name, "drive", None, None, numbers, "confirmed", 1.0, removed, (twin,)).doubted(
+            f"{twin} may take its place"
+        )
+        for name, numbers, twin in ((n, p, other[n]) for n, p in found)
     )

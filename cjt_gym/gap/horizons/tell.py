@@ -9,7 +9,7 @@ from cjt_gym.gap.diagnosis import Diagnosis, Horizon, NamedEffect, Suggestion
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
-from cjt_gym.gap.horizons.named import as_tentative, effects_of, is_usual_offset
+from cjt_gym.gap.horizons.named import effects_of, is_usual_offset
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.verdict import (
@@ -75,7 +75,8 @@ def retold(
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     if judged.cut and first.verdict == "unexplained":  # the cause is not in the table
-        effects = tuple(as_tentative(e) for e in effects if e.confidence >= SHADOW)
+        said = "its cause may be none of the table"
+        effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)
     rows = judged.rows
     stages = stages_of(first, judged, effects)
     verdict = verdict_of(judged, effects, suspected=bool(first.effects))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.diagnosis import EVEN_CHANCE, STRETCHED, Interval, NamedEffect
 from cjt_gym.gap.judged.confidence import confidence
 from cjt_gym.gap.judged.confusable import best_rival, rivals
 from cjt_gym.gap.judged.gap_size import harms
@@ -37,8 +37,6 @@ MIRRORED = 1.5
 STRAINED = 5.0
 """Tolerances by which a datasheet value may be off beside a stage that stays unexplained, or
 nothing is confirmed: what is missing there may be missing elsewhere."""
-EVEN_CHANCE = 0.5
-"""Confidence below which no effect counts as confirmed."""
 
 
 def name_effects(
@@ -54,7 +52,7 @@ def name_effects(
         unseen: Records that it was not fitted to, if any.
     """
     problem, fit = found.problem, found.fit
-    whole, dt = _whole(found), problem.stages.setting.series.dt
+    whole = _whole(found)
     clouded = {effect.stage for effect in fit.model.effects if effect.name in LIKE_FRICTION}
     strained = _is_strained(found)
     rows = []
@@ -66,24 +64,27 @@ def name_effects(
         if state is None:
             continue
         numbers = effect_intervals(problem, fit, index, spread)
-        doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
-        doubtful = doubtful or undecided(problem.stages.setting, effect.name)
-        doubtful = doubtful or may_be_the_records(effect.name, numbers, dt)
-        doubtful = doubtful or _warm(found, index, numbers) or _is_lopsided(found, index, numbers)
-        if doubtful or _harmful(found, need, unseen):
-            state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
         lead = min(lead, need.evidence)
-        if lead < MARGIN:  # another explanation is equally good
-            state = "tentative"
-        chance = confidence(lead, trial, state == "tentative")
+        doubt = _doubt(found, index, numbers, held_out_shows=state == "confirmed")
+        if not doubt and _harmful(found, need, unseen):
+            doubt = "it makes the replay of unseen data worse"
+        if not doubt and lead < MARGIN:
+            doubt = "another explanation is as good"
+        chance = confidence(lead, trial, bool(doubt))
         beside = any(other.outside for other in fit.model.effects)
         if beside and chance < SHADOW and not undecided(problem.stages.setting, effect.name):
             continue
         alike = _confusable(found, index, numbers)
         guessed = any(_corrects_a_guess(problem.stages.setting, name) for name in alike)
-        if chance < EVEN_CHANCE or effect.stage in clouded or guessed or strained:
-            state = "tentative"
+        if not doubt and effect.stage in clouded:
+            doubt = "friction that is not in the table is there as well"
+        elif not doubt and guessed:
+            doubt = "a guess of the datasheet may be wrong instead"
+        elif not doubt and strained:
+            doubt = STRETCHED
+        elif not doubt and chance < EVEN_CHANCE:
+            doubt = "its evidence is weak"
         rows.append(
             NamedEffect(
                 effect.name,
@@ -91,12 +92,13 @@ def name_effects(
                 effect.body,
                 effect.channel,
                 numbers,
-                state,
+                "tentative" if doubt else "confirmed",
                 chance,
                 float(np.clip(need.evidence / whole, 0.0, 1.0)),
                 alike,
                 lead,
                 None if trial is None else trial.worth,
+                doubt,
             )
         )
     least = min((row.gap_removed for row in rows), default=1.0)  # noise moves no joint
@@ -105,11 +107,31 @@ def name_effects(
     return tuple(sorted(rows, key=lambda row: -row.gap_removed))
 
 
-def doubted(effect: NamedEffect) -> NamedEffect:
+def doubted(effect: NamedEffect, why: str) -> NamedEffect:
     """Return an effect marked as tentative, unless it was read off a channel."""
     if effect.stage == "sensing" and effect.name in ("noise", "quantization"):
         return effect
-    return replace(effect, status="tentative", confidence=min(effect.confidence, EVEN_CHANCE))
+    return effect.doubted(why)
+
+
+def _doubt(
+    found: Explanation, index: int, numbers: Mapping[str, Interval], *, held_out_shows: bool
+) -> str:
+    """Return why an effect is not confirmed for what it is, or nothing."""
+    setting, effect = found.problem.stages.setting, found.fit.model.effects[index]
+    doubts = (
+        (not held_out_shows, "held-out data do not prove it"),
+        (may_be_nothing(effect, numbers), "its interval includes its absence"),
+        (at_an_end(effect, numbers), "its number is at the end of its range"),
+        (undecided(setting, effect.name), "these channels do not tell it from another effect"),
+        (
+            may_be_the_records(effect.name, numbers, setting.series.dt),
+            "the recording itself may be late by as much",
+        ),
+        (_warm(found, index, numbers), "the motor may have been warm from the start"),
+        (_is_lopsided(found, index, numbers), "an offset beside it may be its asymmetry"),
+    )
+    return next((why for holds, why in doubts if holds), "")
 
 
 def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:

@@ -184,7 +184,7 @@ def _effect(effect: NamedEffect) -> str:
     cells = (
         ("", f"<b>{escape(effect.name)}</b><small>{escape(name)}<br>{escape(at)}</small>"),
         ("", numbers),
-        ("status", f"<span class='pill {effect.status}'>{escape(effect.status)}</span>"),
+        ("status", _status(effect)),
         ("confidence", confidence_bar(effect.confidence)),
         ("share of evidence", percent(effect.gap_removed)),
     )
@@ -192,6 +192,11 @@ def _effect(effect: NamedEffect) -> str:
         f"<td{f' data-head={head!r}' if head else ''}>{cell}</td>" for head, cell in cells
     )
     return f"<tr>{row}</tr>"
+
+
+def _status(effect: NamedEffect) -> str:
+    why = f"<small>{escape(effect.doubt)}</small>" if effect.doubt else ""
+    return f"<span class='pill {effect.status}'>{escape(effect.status)}</span>{why}"
 
 
 def _signals(diagnosis: Diagnosis) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from html import escape
 
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, StageGap
@@ -10,6 +11,7 @@ from cjt_gym.gap.report.horizons import horizon_table
 from cjt_gym.gap.report.words import (
     VERDICTS,
     interval,
+    joined,
     noise_floor,
     number,
     percent,
@@ -38,6 +40,7 @@ def summary(diagnosis: Diagnosis) -> str:
     if explained:
         lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'evidence':>9}  parameters"]
         lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
+        lines += _doubts(diagnosis.effects[:MOST_EFFECTS])
     if (ahead := horizon_table(diagnosis)) is not None:
         lines += ["", *ahead.text(WIDTH).splitlines(), ""]
     if diagnosis.unexplained.text != NOTHING_LEFT:
@@ -67,6 +70,16 @@ def _row(effect: NamedEffect) -> str:
     head = f"{name:<20}{effect.status:<11}{effect.confidence:>10.2f}"
     head += f"{percent(effect.gap_removed):>9}  "
     return head + textwrap.shorten(numbers, max(WIDTH - len(head), 20), placeholder=" …")
+
+
+def _doubts(effects: Sequence[NamedEffect]) -> list[str]:
+    """Return why effects are tentative, those of one reason together."""
+    names: dict[str, list[str]] = {}
+    for effect in effects:
+        if effect.doubt:
+            names.setdefault(effect.doubt, []).append(effect.name)
+    said = [f"{joined(some)}: tentative, as {why}" for why, some in names.items()]
+    return [textwrap.shorten(line, WIDTH, placeholder=" …") for line in said]
 
 
 def face(diagnosis: Diagnosis) -> str:
