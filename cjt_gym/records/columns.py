@@ -136,7 +136,8 @@ def check_unit(owner: str, name: str, unit: str) -> None:
     if unit not in allowed:
         raise RecordError(
             f"The unit of column {name!r} of {owner} must be {' or '.join(map(repr, allowed))}, "
-            f"got {unit!r}. Convert the values to SI units on the link side."
+            f"got {unit!r}. Convert the values to SI units on the link side, or give their unit "
+            "in a mapping beside the log (NAME.map.toml), which converts them."
         )
 
 

@@ -58,6 +58,10 @@ def ordered_rows(t: FloatArray, same: NDArray[np.bool_]) -> tuple[list[Piece], l
 def _readable(t: FloatArray, repairs: list[Repair]) -> NDArray[np.intp]:
     """Return the rows whose time is a number, and not far off those around it."""
     rows = np.flatnonzero(np.isfinite(t))
+    if len(rows) > 2 and np.mean(np.diff(t[rows]) < 0.0) > 0.5:
+        rows = rows[::-1]
+        text = "The log begins with its latest row: its rows were put in the order of time."
+        repairs.append(Repair("order", None, len(rows), True, text))
     if len(rows) > 2 * LATE_ROWS and (np.diff(t[rows]) < 0.0).any():
         steps = np.diff(t[rows])
         near = 2 * LATE_ROWS * float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0

@@ -200,6 +200,14 @@ def test_rows_with_a_false_time_are_left_out() -> None:
     assert (repairs[0].kind, repairs[0].count) == ("unreadable", 3)
 
 
+def test_a_log_that_begins_with_its_latest_row_is_turned_round() -> None:
+    columns = motion(samples=1000)
+    turned = {name: values[::-1] for name, values in columns.items()}
+    (record,), repairs = repaired(turned)
+    assert np.array_equal(record["q_m"], columns["q_m"])
+    assert [(r.kind, r.count) for r in repairs] == [("order", 1000)]
+
+
 def test_times_coarser_than_the_rows_are_spread() -> None:
     columns = motion(samples=1000)
     exact = columns["t"]

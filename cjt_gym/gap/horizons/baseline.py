@@ -18,7 +18,8 @@ def least_squares(joint: Joint, log: Log) -> Joint | None:
     """Return the joint with inertia, damping, Coulomb friction and offset from a regression.
 
     The motor's torque, less the measured spring torque, is regressed on acceleration, speed, its
-    sign and a constant. None if the record lacks the angle or a required torque.
+    sign and a constant. None if the record lacks the angle or a required torque, or if that torque
+    never changes.
     """
     shape, p = joint.structure_row, joint.parameters
     sprung = shape.groups[1] != shape.groups[2]
@@ -28,6 +29,8 @@ def least_squares(joint: Joint, log: Log) -> Joint | None:
     v, a = log.speed[use], log.acceleration[use]
     torque = p.k_t * p.n * log.command[use]
     torque = torque - log.measured["tau"][use] if sprung else torque + log.load[use]
+    if np.ptp(torque) == 0.0:  # as where a joint coasts: every inertia fits
+        return None
     width = max(SHARP * float(np.std(v)), 1e-12)
     columns = np.stack([a, v, np.tanh(v / width), np.ones_like(v)], axis=1)
     inertia, damping, dry, offset = np.linalg.lstsq(columns, torque, rcond=None)[0]

@@ -6,6 +6,7 @@ from html import escape
 
 from cjt_gym.gap.diagnosis import Diagnosis
 from cjt_gym.gap.report.table import Table
+from cjt_gym.gap.report.words import number
 
 TITLE = "How well the joint is predicted"
 AID = (
@@ -35,7 +36,7 @@ def horizon_table(diagnosis: Diagnosis) -> Table | None:
 
 
 def _percent(x: float | None) -> str:
-    return "-" if x is None else f"{100.0 * x:.3g} %"
+    return "-" if x is None else f"{number(100.0 * x)} %"
 
 
 def examined(diagnosis: Diagnosis) -> str:
