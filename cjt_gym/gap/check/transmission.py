@@ -163,6 +163,12 @@ def gear_stiffness(view: View) -> Verdict:
         return Unseen(why, RIGID)
     if "q_g" in view and "q_m" in view and "tau" in view:
         return Seen(RELATIVE * 0.1, "-")
+    if "tau" not in view:
+        why = "without the joint torque tau, gearbox and spring act as one in series"
+        return Unseen(why, BESIDE)
+    if view.load_angle is None and not view.structure.output_fixed:
+        why = "without the load's angle q_l, a load that is off looks like a soft gearbox"
+        return Unseen(why, BESIDE)
     swing, nyquist = gear_resonance(view), 0.5 / view.dt
     quick = f"Record at {max(1e3, 5.0 * swing):.2g} Hz or more, with a chirp up to {swing:.2g} Hz."
     if view.drive is None or view.motor_angle is None:

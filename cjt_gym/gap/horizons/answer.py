@@ -18,6 +18,7 @@ from cjt_gym.gap.horizons.named import LATE, of_drive
 from cjt_gym.gap.horizons.tell import horizons_of, retold
 from cjt_gym.gap.horizons.verdict import (
     BESIDE,
+    DRIFTLESS,
     NAMELESS,
     corrected,
     main_row,
@@ -40,10 +41,9 @@ ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
-DRIFTLESS, HALF, FLOORS = 0.1, 0.5, 5.0
-"""Limits on the relative error, on its ratio to the datasheet's, and on that to the noise floor. A
-held output, whose replay does not drift, counts as unexplained if it exceeds the last and one of
-the others."""
+HALF, FLOORS = 0.5, 5.0
+"""Limits on the ratio of an error to the datasheet's, and on that to the noise floor. A held output
+counts as unexplained if it exceeds the second, and the first or `DRIFTLESS`."""
 GONE = 0.2
 """Ratio to the datasheet's error below which the stages' effects stay confirmed nevertheless."""
 MOSTLY = 0.5

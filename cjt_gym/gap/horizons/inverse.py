@@ -130,6 +130,17 @@ def seen_in_torque(
     return seen if wave is None else seen | {wave.name: wave}
 
 
+def feels_weight(joint: Joint, logs: Sequence[Log]) -> bool:
+    """Return whether the torque shows a weight beside friction and a constant torque."""
+    columns, torque = _moving(joint, logs)
+    if len(torque) < BLOCKS * SHORTEST:
+        return False
+    beside = _less([*PLACES], "gravity")
+    full, less = (_predicted(columns, torque, n)[0] for n in ([*PLACES], beside))
+    share, clear = _gain("gravity", full, less)
+    return share >= SPENT and clear >= CLEAR
+
+
 def _new(joint: Joint, damping: Spent) -> bool:
     """Return whether damping exceeds the datasheet's, which a regression also finds."""
     own = [f"d_{b}" for b in body_group(joint.structure_row, "m")]

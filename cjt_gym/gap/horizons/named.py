@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.by_torque import AGREES, EITHER, agrees, inertia_by_to
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
 from cjt_gym.gap.horizons.held import slow_alike
-from cjt_gym.gap.horizons.inverse import inverse
+from cjt_gym.gap.horizons.inverse import feels_weight, inverse
 from cjt_gym.gap.horizons.judge import LOUD, OUTSIDE, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.scatter import Scatter
@@ -208,6 +208,7 @@ def _named(
         (slight, "few parts of the record show it, or hardly"),
         (test is not None and test.fall <= 0.0, "held-out data do not call for it"),
         (term.name in MIMICS and removed <= MUCH, "a wrong input or position may look like it"),
+        (_is_unfelt(judged, term), "the torque does not show it"),
         (term.name == "stribeck" and not _levelled(found.fit, index), "it falls to no level"),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
@@ -220,6 +221,16 @@ def _named(
         "confirmed", confidence, removed, alike, worth.fall,
     )  # fmt: skip
     return effect.doubted(doubt) if doubt else effect
+
+
+def _is_unfelt(judged: Judgement, term: Term) -> bool:
+    """Return whether the torque of a single mass does not show its weight.
+
+    Where the input is noisy, a pull to the middle of the motion makes predictions drift less.
+    """
+    single = judged.case.joint.structure_row.size == 1
+    weighs = term.name == "gravity" and single
+    return weighs and not feels_weight(judged.case.joint, judged.case.logs)
 
 
 def _is_overwhelming(judged: Judgement, index: int) -> bool:

@@ -161,6 +161,19 @@ def test_a_held_joint_shows_its_spring_by_the_motor_where_no_torque_is_measured(
     assert {"backlash", "spring_hysteresis", "torque_gain"} <= set(reasons(found))
 
 
+def test_a_gearbox_is_told_from_spring_and_load_by_the_torque_between_them() -> None:
+    whole, sheet = simulate(friction=(1.5, 1.5)), load_joint_file("orange_80_6000")
+    table = {"t": whole.t} | {name: whole[name] for name in ("i_cmd", "i", "q_m", "tau")}
+
+    def why(structure: str) -> str:
+        return reasons(examine(record(table, structure), sheet, None)).get("gear_stiffness", "")
+
+    assert not why("output_fixed")
+    assert "angle q_l" in why("full_dynamics")
+    del table["tau"]
+    assert "in series" in why("output_fixed")
+
+
 def test_without_the_angle_the_spring_is_not_seen() -> None:
     whole = simulate(friction=(1.5, 1.5))
     table = {"t": whole.t} | {name: whole[name] for name in ("i_cmd", "i", "tau")}

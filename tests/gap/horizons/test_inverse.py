@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.by_torque import told_by_torque
 from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.inverse import inverse, seen_in_torque, spent
+from cjt_gym.gap.horizons.inverse import feels_weight, inverse, seen_in_torque, spent
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
@@ -90,6 +90,16 @@ def test_a_damping_too_small_to_be_seen_does_not_make_friction_larger(arm: Joint
     beside, taken = np.mean(off, axis=0)
     assert taken > 0.5, "of its torque on average, were it left out"
     assert abs(beside) < 0.5 * taken
+
+
+def test_a_constant_torque_is_felt_as_no_weight(arm: JointFile) -> None:
+    weighs = held_record(0)
+    rubs, t = 10.0 * weighs["i"] - WEIGHT * np.sin(weighs["q_m"]), weighs.t
+    for torque, felt in ((rubs + WEIGHT, False), (rubs + WEIGHT * np.sin(weighs["q_m"]), True)):
+        columns = {"t": t, "q_m": 0.7 + weighs["q_m"], "i": torque / 10.0}
+        record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+        case = make_case([record], [], arm, get_structure("rigid"))
+        assert feels_weight(case.joint, case.logs) == felt
 
 
 def judgement(arm: JointFile, **values: float) -> Judgement:
