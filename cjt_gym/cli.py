@@ -55,7 +55,6 @@ EXTRAS = {
     "cma": "tune",
     "optuna": "tune",
     "joblib": "benchmark",
-    "matplotlib": "report",
     "sympy": "symbolic",
     "typst": "datasheet",
     "pyarrow": "parquet",

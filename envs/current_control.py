@@ -92,7 +92,7 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
     | `episode_steps` | 1000 | control steps until truncation |
     | `dt_control` | 0.0001 | control step [s] |
     | `dt_physics` | 0.000025 | substep [s], a whole fraction of it |
-    | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
+    | `render_mode` | None | "human" or "rgb_array": a strip chart |
 
     Without `reference`, levels of at most 70 % of the peak torque are held for 10 ms.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, check_name
+from cjt_gym.errors import check_name
 
 RENDER_MODES = ("human", "rgb_array")
 LENGTH = 1000  # samples: a second at the usual control step
@@ -28,12 +28,8 @@ class StripChart:
         if mode is None:
             return
         check_name("render mode", mode, RENDER_MODES)
-        try:
-            from matplotlib.figure import Figure
-        except ImportError:
-            raise ConfigurationError(
-                'Rendering needs matplotlib: pip install "cjt-gym[report]".'
-            ) from None
+        from matplotlib.figure import Figure
+
         self.dt = dt
         self.rows: deque[tuple[float, ...]] = deque(maxlen=LENGTH)
         self.count = 0

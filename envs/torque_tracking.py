@@ -99,7 +99,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     ## Arguments
 
     {arguments}
-    | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
+    | `render_mode` | None | "human" or "rgb_array": a strip chart |
 
     Without `torque_amplitude` it is a tenth of the peak torque k_t n i_p, or three times the
     Coulomb friction of motor and gear where that is more. Where the output is free and the joint

@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Draw, diagnose, score; write `blind_test.json`, `cases.csv` and `report.html`."""
-    from cjt_gym.console.blind_report import write_csv, write_report  # needs the extra "report"
+    from cjt_gym.console.blind_report import write_csv, write_report  # loads matplotlib
 
     _check(options)
     out: Path = options.out

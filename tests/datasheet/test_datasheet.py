@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("matplotlib")
 pytest.importorskip("typst")
 
 from cjt_gym.analysis.open_loop import frequency_response

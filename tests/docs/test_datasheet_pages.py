@@ -12,7 +12,6 @@ import pytest
 from cjt_gym.cli import COMMANDS, Parser
 from cjt_gym.joint.build import build_joints
 
-pytest.importorskip("matplotlib")
 pytest.importorskip("sympy")
 
 DOCS = Path(__file__).parents[2] / "docs"

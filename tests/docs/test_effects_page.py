@@ -10,9 +10,6 @@ import pytest
 from cjt_gym.cli import main as cjt_gym
 from cjt_gym.joint import EFFECTS, Effect, Joint, load_joint, load_joint_file, to_toml
 from cjt_gym.joint.configure import resolve_effects
-
-pytest.importorskip("matplotlib")
-
 from tools.effects_page import page
 from tools.effects_page.__main__ import main
 from tools.effects_page.bench import JOINT

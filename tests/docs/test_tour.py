@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("jupytext")
-pytest.importorskip("matplotlib")
 nbformat = pytest.importorskip("nbformat")
 
 from tools import tour  # noqa: E402

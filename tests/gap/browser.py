@@ -26,21 +26,20 @@ addEventListener("load", () => {
     range.selectNodeContents(element);
     return [...range.getClientRects()].some((b) => b.right > innerWidth + 1 || b.left < -1);
   };
-  const area = document.querySelector("[data-zoom] .area"), b = area.getBoundingClientRect();
-  area.setPointerCapture = () => {};
-  for (const [kind, share] of [["down", 0.2], ["move", 0.4], ["up", 0.4]])
-    area.dispatchEvent(new PointerEvent("pointer" + kind, { clientX: b.left + share * b.width }));
+  const meet = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+  const clashes = (svg) => [...svg.querySelectorAll("text")].flatMap((a, k, texts) => texts.slice(k + 1)
+    .filter((b) => meet(a.getBoundingClientRect(), b.getBoundingClientRect()))
+    .map((b) => `${a.textContent} / ${b.textContent}`));
   parent.postMessage({
     width: innerWidth,
     scroll: document.documentElement.scrollWidth,
     errors: seen,
     overflow: texts.filter(outside).map((e) => e.textContent.trim().slice(0, 60)),
-    plots: boxes(".chart svg"),
-    curves: all("path.line, path.dots").map((p) => p.getBBox()).map((b) => [b.width, b.height]),
-    tracks: boxes(".bars .track"),
+    plots: boxes("figure svg"),
+    curves: all(".chart path[clip-path]:not([style*='--faint'])").map((p) => p.getBBox()).map((b) => [b.width, b.height]),
+    letters: all("svg text").map((e) => parseFloat(getComputedStyle(e).fontSize) * Math.hypot(e.getScreenCTM().a, e.getScreenCTM().b)),
+    clashes: all("svg").flatMap(clashes),
     columns: boxes(".strip .columns"),
-    zoomed: all("[data-zoom] svg").map((svg) => svg.getAttribute("viewBox")),
-    read: all("[data-zoom] output").map((o) => o.textContent).join(" "),
   }, "*");
 });
 </script>"""  # noqa: E501

@@ -5,17 +5,56 @@
 `localize`  where in its range a stage's gap lies
 `maps`      friction over speed, ripple over angle, loops
 `words`     names, places, numbers, the verdict in a sentence
-`chart`     line and dot charts as inline SVG
-`bars`      bars and strips as HTML
-`figures`   which charts a diagnosis has
+`figures`   signals and maps
+`bars`      bars and strips
+`drawing`   how a figure looks, and becomes part of the page
 `table`     small tables
 `page`      the whole report
 `summary`   the terminal and the notebook
 ==========  ===============================================
 """
 
-from cjt_gym.gap.report.page import write_report
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.gap.diagnosis import Diagnosis
 from cjt_gym.gap.report.summary import WIDTH, summary
 from cjt_gym.gap.report.table import Table
 
 __all__ = ["WIDTH", "Table", "summary", "write_report"]
+
+
+def write_report(
+    diagnosis: Diagnosis,
+    path: str | Path,
+    *,
+    title: str = "Diagnosis of the sim-to-real gap",
+    notes: Sequence[str] = (),
+    tables: Sequence[Table] = (),
+) -> Path:
+    """Write a diagnosis as one HTML file that needs no network, and return its path.
+
+    Args:
+        diagnosis: The diagnosis to show.
+        path: The file; missing folders are created.
+        title: Its heading.
+        notes: Repairs of the records and other remarks, one line each.
+        tables: Additional tables, each in its own section.
+
+    Raises:
+        ConfigurationError: The file cannot be written.
+    """
+    from cjt_gym.gap.report.page import page  # loads matplotlib
+
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(page(diagnosis, title, notes, tables), encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(
+            f"The report {path} cannot be written: {error.strerror}. Give another path."
+        ) from error
+    return path

@@ -1,13 +1,16 @@
-"""Bars and strips of a report, as plain HTML: the gap's steps, stages, regimes, confidences."""
+"""Bars and strips of a report: the gap's steps, stages, regimes, confidences."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from html import escape
+from typing import Any
+
+from matplotlib.axes import Axes
 
 from cjt_gym.gap.diagnosis import GapSize, StageGap
 from cjt_gym.gap.evidence import Regime, Step
+from cjt_gym.gap.report.drawing import AFTER, BEFORE, INK, PAPER, SOFT, legend, log_x, svg
 from cjt_gym.gap.report.words import (
     MINUS,
     SPACE,
@@ -34,50 +37,51 @@ STEPS: Mapping[str, str] = {
     "nominal": "Datasheet joint",
     "tolerances": "+ values fitted within tolerance",
 }
+WIDTH, AROUND = 5.0, 0.5
+"""Width of bars, and height of what is around them [inch]."""
 
 
 def waterfall(steps: Sequence[Step], gap: GapSize) -> str:
     """Return the replay error from the nominal joint to the explained one, above the floor."""
-    top = 1.05 * max([step.high for step in steps] + [gap.floor])
-    rows, last = [], None
-    for step in steps:
-        name = STEPS.get(step.name) or f"+ {effect_name(step.name, step.body, step.channel)}"
-        style = "before" if step.name == "nominal" else "after"
-        rows.append(_step(name, style, step, last, top))
-        last = step.error
-    floor = (
-        f"<div class='row floor'><div class=name>Noise floor</div><div class=track></div>"
-        f"<div class=value>{noise_floor(gap)}</div></div>"
-    )
-    at = f"--at:{gap.floor / top:.2%}"
-    texts = "".join(
-        f"<span style='left:{k / 4:.2%}'>{percent(k / 4 * top)}</span>" for k in (1, 2, 3)
-    )
-    axis = _axis("replay error, of the signal", texts)
-    return f"<div class='bars waterfall' style='{at}'>{''.join(rows)}{floor}{axis}</div>"
+
+    def paint(axes: Axes) -> None:
+        for k, step in enumerate(steps):
+            _draw_step(axes, k, step, steps[k - 1].error if k else None)
+        _write_row(axes, len(steps), "Noise floor", noise_floor(gap), colour=SOFT)
+        axes.axvline(gap.floor, color=SOFT, linestyle="--", linewidth=1.2)
+        axes.set_ylim(len(steps) + 0.1, -0.6)
+        axes.set_yticks([])
+        axes.set_xlim(0.0, 1.02 * max([step.high for step in steps] + [gap.floor]))
+        axes.xaxis.set_major_formatter(lambda x, _: percent(x))
+        axes.set_xlabel("replay error, of the signal")
+        axes.spines["left"].set_visible(False)
+
+    height = AROUND + 0.45 * (len(steps) + 0.7)
+    return f"<figure class=bars>{svg(paint, 'Replay error, step by step', WIDTH, height)}</figure>"
 
 
-def _axis(label: str, texts: str) -> str:
-    """Return the axis below bars: what it is, and its ticks."""
-    return (
-        f"<div class='row axis'><div class=name>{escape(label)}</div>"
-        f"<div class=track>{texts}</div></div>"
-    )
-
-
-def _step(name: str, style: str, step: Step, last: float | None, top: float) -> str:
-    width, low = f"{step.error / top:.2%}", f"{step.low / top:.2%}"
-    spread = f"{(step.high - step.low) / top:.2%}"
-    ghost = ""
+def _draw_step(axes: Axes, row: int, step: Step, last: float | None) -> None:
+    axes.barh(row, step.error, 0.4, color=BEFORE if last is None else AFTER)
     if last is not None and last > step.error:
-        ghost = f"<i class=ghost style='left:{width};width:{(last - step.error) / top:.2%}'></i>"
-    change = "" if last is None else f" <small>{_change(last, step.error)}</small>"
-    return (
-        f"<div class=row><div class=name>{escape(name)}</div><div class=track>"
-        f"<i class='fill {style}' style='width:{width}'></i>{ghost}"
-        f"<i class=whisker style='left:{low};width:{spread}'></i></div>"
-        f"<div class=value>{percent(step.error)}{change}</div></div>"
-    )
+        removed: Any = {"facecolor": "none", "edgecolor": AFTER, "hatch": "////", "linewidth": 0.0}
+        axes.barh(row, last - step.error, 0.4, step.error, **removed)
+    middle, half = 0.5 * (step.low + step.high), 0.5 * (step.high - step.low)
+    axes.errorbar(middle, row, xerr=half, color=INK, capsize=3.0)
+    name = STEPS.get(step.name) or f"+ {effect_name(step.name, step.body, step.channel)}"
+    change = "" if last is None else _change(last, step.error)
+    _write_row(axes, row, name, percent(step.error), change)
+
+
+def _write_row(
+    axes: Axes, row: int, name: str, value: str, change: str = "", colour: str = INK
+) -> None:
+    """Write above a bar what it is, and its value at the end of the axes."""
+    look: Any = {"transform": axes.get_yaxis_transform(), "verticalalignment": "bottom"}
+    behind = {"facecolor": PAPER, "edgecolor": "none", "pad": 0.6}
+    axes.text(0.0, row - 0.26, name, color=colour, bbox=behind, **look)
+    look["horizontalalignment"] = "right"
+    axes.text(0.88, row - 0.26, change, color=SOFT, bbox=behind, **look)
+    axes.text(1.0, row - 0.26, value, color=colour, weight="bold", bbox=behind, **look)
 
 
 def _change(last: float, now: float) -> str:
@@ -89,52 +93,60 @@ def _change(last: float, now: float) -> str:
 def stage_bars(stages: Mapping[str, StageGap], explained: bool) -> str:
     """Return each stage's residual on a logarithmic scale, on which 1 is noise.
 
+    Returns nothing where no stage was judged.
+
     Args:
         stages: The stages.
         explained: Whether the residuals after are shown, too.
     """
     shown = {name: s for name, s in stages.items() if s.before > 0.0 and s.after > 0.0}
     shown = {n: s for n, s in shown.items() if n != "sensing" or s.significant}
-    sizes = [1.0] + [x for s in shown.values() for x in (s.before, s.after)]
+    if not shown:
+        return ""
+
+    def paint(axes: Axes) -> None:
+        _scale_stages(axes, shown)
+        for row, stage in enumerate(shown.values()):
+            _draw_stage(axes, row, stage, explained)
+        if explained:
+            legend(axes)
+
+    height = AROUND + 0.3 * (len(shown) + explained)
+    return f"<figure class=bars>{svg(paint, 'Residual of each stage', WIDTH, height)}</figure>"
+
+
+def _scale_stages(axes: Axes, stages: Mapping[str, StageGap]) -> None:
+    """Give the axes their scales and names, and the line of a perfect model."""
+    sizes = [1.0] + [x for s in stages.values() for x in (s.before, s.after)]
     low, high = min(0.7, 0.9 * min(sizes)), max(3.0, 1.3 * max(sizes))
-
-    def at(value: float) -> float:
-        return math.log(max(value, low) / low) / math.log(high / low)
-
-    rows = [
-        _stage(name, stage, at(stage.before), at(stage.after) if explained else None)
-        for name, stage in shown.items()
-    ]
-    ticks = [t for k in range(6) for t in (10.0**k, 3 * 10.0**k) if low <= t <= high]
-    texts = "".join(f"<span style='left:{at(t):.2%}'>{t:g}</span>" for t in ticks)
-    axis = _axis("residual, 1 = noise", texts)
-    return f"<div class='bars stages' style='--at:{at(1.0):.2%}'>{''.join(rows)}{axis}</div>"
+    axes.set(xlim=(low, high), ylim=(len(stages) - 0.5, -0.5), xlabel="residual, 1 = noise")
+    log_x(axes)
+    marks = [f"{n}: {'gap' if s.significant else 'no gap'}" for n, s in stages.items()]
+    axes.set_yticks(range(len(stages)), marks, color=INK)
+    for label, stage in zip(axes.get_yticklabels(), stages.values(), strict=True):
+        label.set_fontweight("bold" if stage.significant else "normal")
+    axes.axvline(1.0, color=SOFT, linestyle="--", linewidth=1.2)
 
 
-def _stage(name: str, stage: StageGap, before: float, after: float | None) -> str:
-    mark = "<b>gap</b>" if stage.significant else "no gap"
-    dots, value = f"<i class='dot before' style='left:{before:.2%}'></i>", number(stage.before, 2)
-    if after is not None:
-        low, width = min(before, after), abs(before - after)
-        dots = (
-            f"<i class=link style='left:{low:.2%};width:{width:.2%}'></i>{dots}"
-            f"<i class='dot after' style='left:{after:.2%}'></i>"
-        )
-        value += f" → {number(stage.after, 2)}"
-    return (
-        f"<div class=row><div class=name>{escape(name)} <small>{mark}</small></div>"
-        f"<div class=track>{dots}</div><div class=value>{value}</div></div>"
-    )
+def _draw_stage(axes: Axes, row: int, stage: StageGap, explained: bool) -> None:
+    shown = {"datasheet joint": (stage.before, BEFORE)}
+    if explained:
+        shown["with the named effects"] = stage.after, AFTER
+        axes.plot([stage.before, stage.after], [row, row], color=SOFT, alpha=0.35, linewidth=3.0)
+    for label, (size, colour) in shown.items():
+        dot: Any = {"markersize": 8.0, "markeredgecolor": PAPER, "clip_on": False}
+        axes.plot(size, row, "o", color=colour, label="" if row else label, **dot)
+    value = " → ".join(number(size, 2) for size, _ in shown.values())
+    axes.text(1.02, row, value, transform=axes.get_yaxis_transform(), va="center", weight="bold")
 
 
 def regime_strips(before: Sequence[Regime], after: Sequence[Regime] | None) -> str:
     """Return for each variable how a stage's gap is spread over it, and what is left of it."""
     strips: dict[str, list[tuple[Regime, float | None]]] = {}
-    left: Sequence[float | None] = (
-        [None] * len(before) if after is None else [r.share for r in after]
-    )
-    for regime, share in zip(before, left, strict=True):
-        strips.setdefault(regime.variable, []).append((regime, share))
+    remains: Sequence[Regime | None] = [None] * len(before) if after is None else after
+    for regime, rest in zip(before, remains, strict=True):
+        left = None if rest is None else rest.share
+        strips.setdefault(regime.variable, []).append((regime, left))
     known = list(VARIABLES)
     ordered = sorted(strips, key=lambda name: known.index(name) if name in known else len(known))
     return f"<div class=strips>{''.join(_strip(name, strips[name]) for name in ordered)}</div>"

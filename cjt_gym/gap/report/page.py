@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib import metadata, resources
-from pathlib import Path
 
-from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect
 from cjt_gym.gap.judged.confusable import advice
 from cjt_gym.gap.report.bars import confidence_bar, regime_strips, stage_bars, waterfall
-from cjt_gym.gap.report.chart import Chart, draw
+from cjt_gym.gap.report.drawing import with_own_ids
 from cjt_gym.gap.report.figures import (
     friction_charts,
     replay_charts,
@@ -34,51 +32,14 @@ from cjt_gym.gap.report.words import (
 
 ONE_BODY = {"inertia": ("load_inertia",), "coulomb": ("load_coulomb",)}
 """Effects that are one where motor and load are."""
-KEY = (
-    "<div class=legend><span class=before data-dots>datasheet joint</span>"
-    "<span class=after data-dots>with the named effects</span></div>"
-)
 PACKAGES = ("cjt-gym", "numpy", "scipy", "numba")
-
-
-def write_report(
-    diagnosis: Diagnosis,
-    path: str | Path,
-    *,
-    title: str = "Diagnosis of the sim-to-real gap",
-    notes: Sequence[str] = (),
-    tables: Sequence[Table] = (),
-) -> Path:
-    """Write a diagnosis as one HTML file that needs no network, and return its path.
-
-    Args:
-        diagnosis: The diagnosis to show.
-        path: The file; missing folders are created.
-        title: Its heading.
-        notes: Repairs of the records and other remarks, one line each.
-        tables: Additional tables, each in its own section.
-
-    Raises:
-        ConfigurationError: The file cannot be written.
-    """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page(diagnosis, title, notes, tables), encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(
-            f"The report {path} cannot be written: {error.strerror}. Give another path."
-        ) from error
-    return path
 
 
 def page(
     diagnosis: Diagnosis, title: str, notes: Sequence[str] = (), tables: Sequence[Table] = ()
 ) -> str:
     """Return the whole page as text; the arguments are those of `write_report`."""
-    here = resources.files(__package__)
-    style = (here / "style.css").read_text(encoding="utf-8")
-    script = (here / "chart.js").read_text(encoding="utf-8")
+    style = (resources.files(__package__) / "style.css").read_text(encoding="utf-8")
     ahead = horizon_table(diagnosis)
     sections = (
         ("Measured against replayed", "signals", _signals(diagnosis)),
@@ -105,7 +66,7 @@ def page(
         "<meta name=viewport content='width=device-width,initial-scale=1'>"
         "<meta name=color-scheme content='light dark'>"
         f"<title>{escape(title)}</title><style>{style}</style></head><body><main>"
-        f"{_head(diagnosis, title)}{body}</main><script>{script}</script></body></html>\n"
+        f"{_head(diagnosis, title)}{with_own_ids(body)}</main></body></html>\n"
     )
 
 
@@ -140,10 +101,11 @@ def _how_far(diagnosis: Diagnosis) -> str:
 
 def _where(diagnosis: Diagnosis) -> str:
     explained = bool(diagnosis.effects)
-    bars = _aid(
-        "Residual of each stage between measured ends, in units of what the specified noise "
-        "explains: 1, the dashed line, is a perfect model."
-    ) + stage_bars(diagnosis.stages, explained)
+    drawn = stage_bars(diagnosis.stages, explained)
+    if not drawn:
+        return ""
+    aid = "Residual of each stage between measured ends, in units of what the specified noise "
+    bars = _aid(f"{aid}explains: 1, the dashed line, is a perfect model.") + drawn
     if diagnosis.verdict == "no_gap":
         return bars
     maps = [
@@ -154,7 +116,7 @@ def _where(diagnosis: Diagnosis) -> str:
     aid = "Shares of the stage's gap over one variable at a time; each panel adds up to 100 %."
     if explained:
         aid += " In front, what is left of it with the named effects."
-    return (KEY if explained else "") + bars + _aid(aid) + "".join(maps)
+    return bars + _aid(aid) + "".join(maps)
 
 
 def _which(diagnosis: Diagnosis) -> str:
@@ -201,23 +163,18 @@ def _status(effect: NamedEffect) -> str:
 
 def _signals(diagnosis: Diagnosis) -> str:
     charts = replay_charts(diagnosis)
-    replayed = _charts("all", charts[:1]) + _charts("half", charts[1:])
-    if not replayed:
+    if not charts:
         return ""
     again = diagnosis.evidence.restarted
     aid = f"Predictions of {number(again)} s each" if again else "Open-loop replay"
-    aid += " under the recorded input. Drag over a stretch of time to enlarge it, "
-    return _aid(f"{aid}double-click to see all again.") + replayed
+    aid += " under the recorded input. The shaded stretch, in which the datasheet's error is "
+    aid += "largest, is shown enlarged."
+    return _aid(aid) + "".join(charts)
 
 
 def _maps(diagnosis: Diagnosis) -> str:
     maps = [*friction_charts(diagnosis), *ripple_charts(diagnosis), *spring_charts(diagnosis)]
-    return _charts("half", maps)
-
-
-def _charts(kind: str, charts: Iterable[Chart]) -> str:
-    drawn = "".join(draw(chart) for chart in charts)
-    return f"<div class='charts {kind}'>{drawn}</div>" if drawn else ""
+    return f"<div class=maps>{''.join(maps)}</div>" if maps else ""
 
 
 def _confusable(diagnosis: Diagnosis) -> str:
