@@ -63,6 +63,24 @@ def test_without_position_the_torque_constant_is_judged_and_its_rival_said() -> 
     assert "neither the spring" in found.unexplained.text
 
 
+@pytest.mark.parametrize(
+    ("rise", "names", "status"),
+    [
+        (0.0, ("coulomb",), "confirmed"),
+        (0.6, ("coulomb", "stribeck"), "tentative"),
+        (1.5, ("stribeck", "coulomb"), "tentative"),
+    ],
+)
+def test_friction_that_falls_below_the_stated_noise_is_not_confirmed_as_plain(
+    rise: float, names: tuple[str, ...], status: str
+) -> None:
+    """Without the current its noise is stated, but not there: a residual far below is no floor."""
+    record = simulate(4.0, friction=(1.5, 1.5), breakaway=(rise, 0.15))
+    (effect,) = diagnose(only(record, "q_m", "tau", "i_cmd"), nominal()).effects
+    assert (effect.name, *effect.confusable_with[:1]) == names
+    assert (effect.status, bool(effect.doubt)) == (status, status == "tentative")
+
+
 def test_without_position_and_torque_nothing_is_judged() -> None:
     with pytest.raises(RecordError, match="q_m"):
         diagnose(only(simulate(1.0), "i", "i_cmd"), nominal())

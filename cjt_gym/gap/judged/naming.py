@@ -21,7 +21,7 @@ from cjt_gym.gap.stages.heldout import worth
 from cjt_gym.gap.stages.lateness import may_be_the_records
 from cjt_gym.gap.stages.leftover import status
 from cjt_gym.gap.stages.merit import MARGIN, evidence
-from cjt_gym.gap.stages.prune import Need
+from cjt_gym.gap.stages.prune import SAME, Need, lowers, richer
 from cjt_gym.gap.stages.sensing import SensorFinding
 from cjt_gym.joint import EFFECTS
 
@@ -128,6 +128,7 @@ def _doubt(
             may_be_the_records(effect.name, numbers, setting.series.dt),
             "the recording itself may be late by as much",
         ),
+        (bool(_refining(found, index)), "a law that refines it lowers what is left"),
         (_warm(found, index, numbers), "the motor may have been warm from the start"),
         (_is_lopsided(found, index, numbers), "an offset beside it may be its asymmetry"),
     )
@@ -138,6 +139,12 @@ def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
     """Return whether an effect worsens the replay of unseen data."""
     less, more = (written(found.problem, f.model, f.z) for f in (need.without, found.fit))
     return harms(unseen, less, more)
+
+
+def _refining(found: Explanation, index: int) -> list[str]:
+    """Return the laws that refine an effect and leave less, be it below the stated noise."""
+    fits = richer(found.fit, found.seen, index)
+    return [name for name, other in fits if lowers(other, found.fit) > SAME]
 
 
 def _warm(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> bool:
@@ -214,7 +221,8 @@ def _confusable(found: Explanation, index: int, numbers: Mapping[str, Interval])
     warmth = ("thermal_derating",) if _warm(found, index, numbers) else ()
     same = same_here(found.problem.stages.setting, name)
     uneven = ("coulomb_asym",) if _is_lopsided(found, index, numbers) else ()
-    return tuple(dict.fromkeys((*warmth, *uneven, *names, *same)))
+    laws = _refining(found, index)
+    return tuple(dict.fromkeys((*warmth, *uneven, *laws, *names, *same)))
 
 
 def _whole(found: Explanation) -> float:

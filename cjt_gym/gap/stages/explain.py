@@ -22,6 +22,7 @@ from cjt_gym.gap.stages.prune import (
     COARSE_STRAIN,
     Need,
     alternatives,
+    enrich,
     likelier_twins,
     other_frequencies,
     prune,
@@ -86,6 +87,7 @@ def explain(
     )
     found = selection.run()
     fit = simplify(problem, found, selection.candidates)
+    fit = enrich(problem, fit, selection.seen)
     fit = likelier_twins(problem, fit, selection.candidates)
     if fit is not found:  # the other law started from the datasheet values that the first had left
         fit = retuned(problem, fit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,9 @@ FEW_MOVES, HOPELESS = 4, 150.0
 """Steps of a first fit of an alternative, and the lack of evidence at which it ends there."""
 COLOURED = 0.25
 """Log reduction of a residual too small to separate two laws if no noise is specified."""
+DEEP = 0.15
+"""Log reduction of a residual below the stated noise from which the law that brings it is chosen:
+where friction does not fall with speed, the law of falling friction brought none in simulation."""
 SLACK = 10.0
 """Evidence by which a simpler law may be worse."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
@@ -95,6 +98,38 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> F
                 if _as_good(trial, fit) and loss(problem, trial, fit) < SLACK:
                     return simplify(problem, trial, candidates)
     return fit
+
+
+def enrich(problem: Problem, fit: Fit, seen: Sequence[Fit]) -> Fit:
+    """Return the model with a richer law of friction if that lowers a residual far below the noise.
+
+    Noise that was stated too large hides this from the evidence, which has the stated noise as its
+    floor.
+    """
+    for index in range(len(fit.model.effects)):
+        for _, other in richer(fit, seen, index):
+            trial = problem.fit(other.model, other.z)
+            if lowers(trial, fit) > DEEP:
+                return trial
+    return fit
+
+
+def richer(fit: Fit, seen: Sequence[Fit], index: int) -> Iterator[tuple[str, Fit]]:
+    """Yield the fits with a law that contains an effect of a fit in its place, with its name."""
+    effect = fit.model.effects[index]
+    rest = {e.key for e in fit.model.effects} - {effect.key}
+    for other in seen:
+        new = [e for e in other.model.effects if e.key not in rest]
+        if len(new) == 1 and len(other.model.effects) == len(fit.model.effects):
+            contains = effect.name in SIMPLER.get(new[0].name, ()) and new[0].name != effect.name
+            if contains and new[0].body == effect.body:
+                yield new[0].name, other
+
+
+def lowers(one: Fit, other: Fit) -> float:
+    """Return the largest log reduction of a residual by the first fit, 0 if it raises another."""
+    falls = [0.5 * np.log(ms / one.mean_square[n]) for n, ms in other.mean_square.items()]
+    return float(max(falls)) if min(falls) > -SAME else 0.0
 
 
 def alternatives(
