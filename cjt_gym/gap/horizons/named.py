@@ -36,7 +36,7 @@ MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
 `MUCH` of the error."""
 SCALED = frozenset({"torque_gain", "torque_constant"})
 """Effects that are dropped if their number ends at a bound, which no sensor or motor reaches."""
-LEVELS = frozenset({"coulomb", "coulomb_asym"})
+LEVELS = frozenset({"coulomb", "coulomb_asym", "load_coulomb"})
 """Dry friction that remains at speed; without it, Stribeck friction would fall to zero."""
 PLAIN, REFINEMENTS = frozenset({"coulomb", "load_coulomb"}), frozenset({"presliding", "stribeck"})
 """Plain dry friction, and laws that are told together with it."""
@@ -273,11 +273,11 @@ def _bends_visibly(judged: Judgement, index: int) -> bool:
 
 def _levelled(fit: Fit, index: int) -> bool:
     """Return whether dry friction falls to a level at speed rather than to zero."""
-    joint = fit.model.joint
+    joint, falling = fit.model.joint, fit.model.terms[index]
     levels = [
         abs(value)
         for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True)
-        for value in (values if term.name in LEVELS else ())
+        for value in (values if term.name in LEVELS and term.body == falling.body else ())
     ]
     own = fit.model.values(fit.z)[index][0]
     return not LEVELS.isdisjoint(joint.effects) or max(levels, default=0.0) > LEAST_LEVEL * own

@@ -19,6 +19,7 @@ from cjt_gym.gap.horizons.grow import added, allowed, is_needed
 from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.named import _levelled
 from cjt_gym.gap.horizons.predictable import Predictable, predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.search import search
@@ -246,6 +247,10 @@ def test_friction_that_falls_with_speed_falls_to_a_level(plain: tuple[Case, Foun
     assert not is_needed(found.fit, dry)
     both = Fit(*added(found.fit, falling, falling.starts[0]), np.inf, [])
     assert is_needed(both, dry), "it may not be left out beside the falling one"
+    assert _levelled(both, both.model.terms.index(falling))
+    of_load = replace(falling, body="load")
+    apart = Fit(*added(found.fit, of_load, falling.starts[0]), np.inf, [])
+    assert not _levelled(apart, apart.model.terms.index(of_load)), "the motor's is no level of it"
 
 
 def test_the_best_model_that_is_left_wins_not_the_best_before_pruning(
