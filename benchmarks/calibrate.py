@@ -3,7 +3,7 @@
 DIR is what `cjt-gym blind-test --out DIR` has written (its folders `labels` and `diagnoses`). The
 map from the evidence of a name to its confidence (`cjt_gym.gap.judged.confidence`) is fitted to
 every second case and checked on the others; so is the factor by which the intervals would have
-to grow to cover 95 % (`INFLATION` of `cjt_gym.gap.judged.intervals` times this factor).
+to grow to cover 95 % (`INFLATION` of `cjt_gym.gap.stages.intervals` times this factor).
 """
 
 from __future__ import annotations

@@ -25,14 +25,11 @@ from cjt_gym.gap.horizons.answer import judged
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.joint_file import identified_joint, told_by
 from cjt_gym.gap.judged.gap_size import HARM, measure_gap
-from cjt_gym.gap.judged.intervals import (
-    Covariance,
-    covariance,
-)
 from cjt_gym.gap.judged.naming import doubted, name_effects
 from cjt_gym.gap.judged.refine import settled
 from cjt_gym.gap.judged.replay import Written, steps, written
 from cjt_gym.gap.next_record.suggest import ELSEWHERE, cautious, suggest
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.missing import not_judged
 from cjt_gym.gap.recorded.series import ENOUGH, Stretch, stretches
 from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
@@ -40,8 +37,11 @@ from cjt_gym.gap.recorded.usable import check_one_joint
 from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.gap.stages.fit import Fit, Model
+from cjt_gym.gap.stages.intervals import (
+    Covariance,
+    covariance,
+)
 from cjt_gym.gap.stages.lateness import open_instant
 from cjt_gym.gap.stages.leftover import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.gap.stages.select import BEYOND, Progress, silent

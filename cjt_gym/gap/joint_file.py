@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from cjt_gym.gap.diagnosis import NamedEffect
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.as_rows import ROWS, Found, Number, in_symbols
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint import EFFECTS, Effect, JointFile
 from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import body_of

@@ -14,9 +14,9 @@ from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.judged.replay import Written, exactly
 from cjt_gym.gap.next_record.design import pretended
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting, make_setting
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, to_toml
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity

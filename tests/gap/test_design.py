@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import make_bench
+from cjt_gym.gap.candidates.separated import NOTHING, advice
 from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Suggestion
-from cjt_gym.gap.judged.confusable import NOTHING, advice
 from cjt_gym.gap.judged.replay import replay, written
 from cjt_gym.gap.next_record.design import TELLS, bounds, pretended, prospects
 from cjt_gym.gap.next_record.menu import MENU, REST

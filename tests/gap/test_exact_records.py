@@ -9,11 +9,11 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.recorded.fields import nominal_fields
 from cjt_gym.gap.recorded.missing import same_here
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.recorded.signals import taken_over
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import nominal_fields
 from cjt_gym.gap.stages.fit import Problem
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.records import Record, read_record

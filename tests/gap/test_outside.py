@@ -12,12 +12,12 @@ from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.judged.confidence import confidence
 from cjt_gym.gap.judged.gap_size import harms
-from cjt_gym.gap.judged.intervals import may_be_nothing
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.setting import Setting, make_setting
 from cjt_gym.gap.stages.explain import Explanation, explain
 from cjt_gym.gap.stages.fit import Model
 from cjt_gym.gap.stages.heldout import Trial, on_held_out, worth
+from cjt_gym.gap.stages.intervals import may_be_nothing
 from cjt_gym.gap.stages.leftover import Leftover, status
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record

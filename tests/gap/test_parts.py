@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.judged.replay import Written, replay
+from cjt_gym.gap.recorded.fields import LAW_SIZE, NEUTRAL, friction_law
 from cjt_gym.gap.recorded.noise import high_frequency_std, lattice_step, observed_jitter
 from cjt_gym.gap.recorded.series import to_series
 from cjt_gym.gap.recorded.setting import make_setting
@@ -18,9 +19,8 @@ from cjt_gym.gap.recorded.signals import shifted, smooth_mean
 from cjt_gym.gap.stages import prune
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Link, build_chain, kalman_gain
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import NEUTRAL, friction_law
 from cjt_gym.gap.stages.fit import Model, Problem
-from cjt_gym.gap.stages.kernel import LAW_SIZE, friction_torque
+from cjt_gym.gap.stages.kernel import friction_torque
 from cjt_gym.gap.stages.periodic import periodic_starts
 from cjt_gym.gap.stages.spring import slip, spring_torque
 from cjt_gym.joint import get_structure

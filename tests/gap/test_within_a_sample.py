@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from cjt_gym.gap.recorded.fields import NEUTRAL
 from cjt_gym.gap.recorded.missing import same_here, undecided
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.recorded.signals import MEAN, _rising, periodic_torque, within
 from cjt_gym.gap.stages.chain import MOTOR, build_chain
 from cjt_gym.gap.stages.cut import Stages, passed_on
-from cjt_gym.gap.stages.fields import NEUTRAL
 from cjt_gym.gap.stages.kernel import pushing
 from cjt_gym.gap.stages.periodic import command_steps
 from cjt_gym.joint import get_structure

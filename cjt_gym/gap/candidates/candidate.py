@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.number import Number
 
 Values = Mapping[str, float]
 Apply = Callable[[Fields, Values], None]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate, Scales, Values
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.number import Number
 
 OFTEN, NOISES = 0.95, 2.0
 """Share of the samples, and deviations of the measured current, below which a current that was

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import BODIES, Apply, Candidate, Scales, Values, most_damping
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint.effects.motor import DQ_0
 
 SHARP = 0.03

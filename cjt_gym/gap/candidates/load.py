@@ -6,9 +6,9 @@ import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate, Scales
 from cjt_gym.gap.candidates.friction import friction_of
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.number import Number
 
 
 def load_rows(setting: Setting, size: Scales) -> list[Candidate]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from cjt_gym.gap.candidates.candidate import BODIES, Candidate, Scales, Values, most_damping
+from cjt_gym.gap.candidates.nuisances import active_parameters, guesses_of
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.candidates.released import released
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.nuisances import active_parameters, guesses_of
-from cjt_gym.gap.stages.number import Number
 
 
 def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.signal import lfilter, savgol_filter
 
 from cjt_gym.gap.candidates.candidate import Apply, Candidate, Scales, Values, scales
+from cjt_gym.gap.candidates.disturbance import Disturbance, field_of
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.disturbance import Disturbance, field_of
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint.arrays import Floats
 
 Signal = Callable[[Series, Values], Floats]

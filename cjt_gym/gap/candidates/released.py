@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cjt_gym.gap.candidates.candidate import Candidate, Values
+from cjt_gym.gap.candidates.nuisances import stages_of
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.nuisances import stages_of
-from cjt_gym.gap.stages.number import Number
 
 FURTHEST = 5.0
 """Largest factor between the true and the stated value."""

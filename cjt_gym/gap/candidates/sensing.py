@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Apply, Candidate
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.number import Number
 
 
 def sensing_rows(setting: Setting) -> list[Candidate]:

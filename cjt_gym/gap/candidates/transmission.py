@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 
 from cjt_gym.gap.candidates.candidate import Candidate, Scales, Values
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.candidates.released import released
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.number import Number
 
 HYSTERESES = {"Bouc-Wen": 2.0, "Dahl": 1.0, "Maxwell slip": 0.0}
 

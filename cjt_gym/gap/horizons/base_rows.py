@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, body_group
 from cjt_gym.gap.horizons.rows import BODIES, sets
-from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
-from cjt_gym.gap.stages.number import Number
+from cjt_gym.gap.horizons.sheet import datasheet_number
+from cjt_gym.gap.recorded.tolerances import GUESSED, VAGUE, tolerance_of
 from cjt_gym.joint import Joint
 
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1

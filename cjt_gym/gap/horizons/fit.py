@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.candidates.number import STEP
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import WHOLE, Windows
-from cjt_gym.gap.stages.number import STEP
 
 Floats = NDArray[np.float64]
 LEAST = 3e-3

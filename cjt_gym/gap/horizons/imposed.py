@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.sheet import GUESSED
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import HORIZONS, relative
-from cjt_gym.gap.stages.number import Number
+from cjt_gym.gap.recorded.tolerances import GUESSED
 
 HEAVIER = (10.0, 1e3, 1e5)
 """Factors on the inertia for additional starts where nothing else predicts the motion."""

@@ -20,7 +20,6 @@ from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
 from cjt_gym.gap.horizons.model import body_group
 from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.rows import SWING
-from cjt_gym.gap.horizons.sheet import VAGUE, tolerance_of
 from cjt_gym.gap.horizons.spent import (
     BLOCKS,
     CLEAR,
@@ -33,6 +32,7 @@ from cjt_gym.gap.horizons.spent import (
     predicted,
     steady_gain,
 )
+from cjt_gym.gap.recorded.tolerances import VAGUE, tolerance_of
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.stages.number import Number
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.configure import EffectValues
 from cjt_gym.joint.structures import Structure

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
 from cjt_gym.gap.diagnosis import MUCH_LEFT, STRETCHED, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, EITHER, agrees, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
@@ -21,7 +22,6 @@ from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import worst_row
 from cjt_gym.gap.horizons.windows import HORIZONS
-from cjt_gym.gap.stages.nuisances import USUAL_COMMAND, USUAL_CURRENT
 
 SURE, FIRM = 1.4, 2.0
 """Multiples of the required clarity and price above which an effect may be confirmed."""

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.forward import SUBSTEP
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, motor_inertia
 from cjt_gym.gap.horizons.spent import Spent
-from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint import EFFECTS, Joint
 
 Floats = NDArray[np.float64]

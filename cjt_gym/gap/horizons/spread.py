@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.fit import LEAST, Fit, Problem, bounded
 from cjt_gym.gap.horizons.model import Model, Term, motor_inertia
-from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 

@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.grow import added, allowed, priced
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.model import Model, Term, motor_inertia
 from cjt_gym.gap.horizons.side_by_side import side_by_side
-from cjt_gym.gap.stages.number import Number
 
 Floats = NDArray[np.float64]
 LARGEST = 400

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from cjt_gym.gap.candidates.separated import advice
 from cjt_gym.gap.diagnosis import Diagnosis, Horizon, NamedEffect, Suggestion
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
@@ -23,7 +24,6 @@ from cjt_gym.gap.horizons.verdict import (
 )
 from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.write import joint_of
-from cjt_gym.gap.judged.confusable import advice
 
 BLIND = 0.99
 """Relative error from which a joint predicts no better than motion at constant speed."""

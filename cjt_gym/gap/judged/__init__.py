@@ -5,7 +5,6 @@
 `closed_loop`  the same under the controller of the recording
 `refine`       datasheet values refined by replay
 `gap_size`     how far the gap shrinks on held-out data
-`intervals`    confidence intervals of the numbers
 `confusable`   explanations that the record cannot tell apart
 `confidence`   from a lead in evidence to a probability
 `naming`       which effects are named, and with what status

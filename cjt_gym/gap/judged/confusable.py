@@ -1,4 +1,4 @@
-"""Explanations that a record cannot tell apart, and the experiment that would."""
+"""Explanations that a record cannot tell apart."""
 
 from __future__ import annotations
 
@@ -12,33 +12,6 @@ NEAR = 25.0
 """Difference in evidence within which another explanation counts as nearly as good."""
 SHARE = 0.02
 """The same as a share of the evidence that the explanation gained."""
-SEPARATED_BY: dict[frozenset[str], str] = {
-    frozenset(pair): text
-    for *pair, text in (
-        ("coulomb", "stribeck", "many slow reversals: ramps through zero velocity both ways"),
-        ("coulomb", "presliding", "small oscillations inside the stuck region"),
-        ("coulomb", "coulomb_asym", "slow ramps in both directions, and a rest without current"),
-        ("stribeck", "presliding", "small oscillations inside the stuck region, then slow ramps"),
-        ("presliding", "spring_hysteresis", "the torque of the spring, with a torque sensor"),
-        ("coulomb", "load_friction", "the same slow motion under two different loads"),
-        ("damping", "viscous_asym", "fast motion for the same time in both directions"),
-        ("torque_bias", "torque_offset", "a rest at zero current with the spring relaxed"),
-        ("torque_constant", "inertia", "a constant current held at rest, then a fast chirp"),
-        ("torque_constant", "thermal_derating", "the same motion with the motor cold and warm"),
-        ("torque_constant", "torque_gain", "a known weight, or a second torque reference"),
-        ("stiffness", "torque_gain", "a known weight, or a second torque reference"),
-        ("command_delay", "current_lag", "steps of different sizes in the command"),
-        ("command_delay", "measurement_delay", "command and current on one clock, as a scope does"),
-        ("cogging", "gear_ripple", "the same angles under different transmitted torques"),
-        ("stiffness", "hardening", "small and large deflections of the spring"),
-        ("stiffness", "backlash", "small deflections of the spring through zero"),
-        ("gear_stiffness", "inertia", "excitation above the resonance of the gearbox"),
-        ("damping", "coulomb", "constant velocities, slow and fast"),
-    )
-}
-NOTHING = "nothing"
-"""Name of the model without a tentative effect."""
-DEFAULT = "a second record with other excitation: slow ramps through zero, steps, and a chirp"
 
 
 def rival_fits(
@@ -94,16 +67,3 @@ def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> f
         )
     ]
     return max(others, default=-1e9)
-
-
-def advice(name: str, rival: str) -> str:
-    """Return which experiment separates two effects."""
-    how = SEPARATED_BY.get(frozenset((name, rival)), DEFAULT)
-    return f"To tell {difference(name, rival)}, record {how}."
-
-
-def difference(name: str, *rivals: str) -> str:
-    """Return the purpose of an experiment, as the end of a sentence that begins with "to tell"."""
-    if rivals == (NOTHING,):
-        return f"whether there is {name} at all"
-    return f"{name} from {' and '.join(rivals)}"

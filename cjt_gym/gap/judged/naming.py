@@ -11,13 +11,13 @@ from cjt_gym.gap.diagnosis import EVEN_CHANCE, STRETCHED, Interval, NamedEffect
 from cjt_gym.gap.judged.confidence import confidence
 from cjt_gym.gap.judged.confusable import best_rival, rivals
 from cjt_gym.gap.judged.gap_size import harms
-from cjt_gym.gap.judged.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.missing import same_here, undecided
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.explain import Explanation
 from cjt_gym.gap.stages.fit import Fit, Problem
 from cjt_gym.gap.stages.heldout import worth
+from cjt_gym.gap.stages.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
 from cjt_gym.gap.stages.lateness import may_be_the_records
 from cjt_gym.gap.stages.leftover import status
 from cjt_gym.gap.stages.merit import MARGIN, evidence

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.judged.gap_size import off
-from cjt_gym.gap.judged.intervals import Covariance
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.stages.fit import STEP, Fit, Problem
+from cjt_gym.gap.stages.intervals import Covariance
 from cjt_gym.joint.arrays import Floats
 
 DEFLATION = 100.0

@@ -21,10 +21,10 @@ from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.joint_file import Refined, identified_joint
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.signals import interval_mean
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.gap.stages.fit import Fit, Model, Problem
 from cjt_gym.joint import Joint, JointFile
 from cjt_gym.joint.batch import longest_substep

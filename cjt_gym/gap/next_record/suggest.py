@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from cjt_gym.gap.candidates.separated import NOTHING, SEPARATED_BY, advice, difference
 from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
-from cjt_gym.gap.judged.confusable import NOTHING, SEPARATED_BY, advice, difference, rival_fits
+from cjt_gym.gap.judged.confusable import rival_fits
 from cjt_gym.gap.next_record.design import TELLS, Cross, Prospect, prospects
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.fit import Fit, Problem

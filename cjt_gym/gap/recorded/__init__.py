@@ -1,11 +1,13 @@
 """What was recorded: a record with its nominal joint, as arrays with a known scatter.
 
-=========  ==============================================================
-`series`   evenly sampled arrays without gaps
-`noise`    normal scatter of each channel
-`setting`  a record together with its nominal joint and its noise
-`signals`  torque and current between the samples
-`orient`   signs and units of the channels, where physics determines them
-`missing`  what a record cannot tell for want of a channel
-=========  ==============================================================
+============  ==============================================================
+`series`      evenly sampled arrays without gaps
+`noise`       normal scatter of each channel
+`fields`      the numbers of a joint and its effects, at their nominal values
+`tolerances`  how sure the datasheet is of them
+`setting`     a record together with its nominal joint and its noise
+`signals`     torque and current between the samples
+`orient`      signs and units of the channels, where physics determines them
+`missing`     what a record cannot tell for want of a channel
+============  ==============================================================
 """

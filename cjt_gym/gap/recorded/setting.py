@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.recorded.fields import Fields, nominal_fields
 from cjt_gym.gap.recorded.noise import ChannelNoise, channel_noise
 from cjt_gym.gap.recorded.series import Series, compliance, to_series
-from cjt_gym.gap.stages.fields import Fields, nominal_fields
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled
 

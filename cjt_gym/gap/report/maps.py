@@ -10,10 +10,10 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.gap.evidence import FrictionMap, RippleSpectrum, SpringLoop
 from cjt_gym.gap.judged.replay import Written
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.signals import joint_torque, motor_torque, periodic_torque
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.gap.stages.periodic import ripple_amplitudes
 from cjt_gym.gap.stages.spring import spring_torque
 from cjt_gym.joint import Joint

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from html import escape
 from importlib import metadata, resources
 
+from cjt_gym.gap.candidates.separated import advice
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect
-from cjt_gym.gap.judged.confusable import advice
 from cjt_gym.gap.report.bars import confidence_bar, regime_strips, stage_bars, waterfall
 from cjt_gym.gap.report.drawing import with_own_ids
 from cjt_gym.gap.report.figures import (

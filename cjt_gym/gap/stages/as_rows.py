@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 

@@ -23,7 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve, savgol_filter
 
+from cjt_gym.gap.candidates.disturbance import corrected, disturbing
 from cjt_gym.gap.candidates.outside import Outside, outside_rows
+from cjt_gym.gap.recorded.fields import CHAIN, Fields, of_record
 from cjt_gym.gap.recorded.series import Series
 from cjt_gym.gap.recorded.setting import PROCESS_TORQUE, Setting
 from cjt_gym.gap.recorded.signals import (
@@ -41,8 +43,6 @@ from cjt_gym.gap.recorded.signals import (
     within,
 )
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
-from cjt_gym.gap.stages.disturbance import corrected, disturbing
-from cjt_gym.gap.stages.fields import CHAIN, Fields, of_record
 from cjt_gym.gap.stages.predictor import (
     Gain,
     Play,

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.candidates.nuisances import Nuisance, nuisances, nuisances_of_others
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import Fields
-from cjt_gym.gap.stages.nuisances import Nuisance, nuisances, nuisances_of_others
-from cjt_gym.gap.stages.number import Number
 from cjt_gym.gap.stages.process import settle_noise
 from cjt_gym.joint.arrays import Floats
 

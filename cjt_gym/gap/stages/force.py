@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.signals import motor_torque, periodic_torque, smooth_mean, weight
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint.arrays import Floats
 
 CUTOFF, SHARE = 100.0, 0.2

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate, Values
-from cjt_gym.gap.judged.intervals import Covariance, covariance
+from cjt_gym.gap.candidates.nuisances import Nuisance, nuisances
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting, as_noisy
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.gap.stages.fit import Fit, Model, Problem
-from cjt_gym.gap.stages.nuisances import Nuisance, nuisances
-from cjt_gym.gap.stages.number import Number
+from cjt_gym.gap.stages.intervals import Covariance, covariance
 
 PER_RECORD = ("i_0", "w_i", "delay", "tau_0", "skew", "q_0")
 """Fields that may differ from record to record."""

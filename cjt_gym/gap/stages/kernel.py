@@ -20,7 +20,6 @@ LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_P, VISCOUS_N, ELASTIC, LOADED
 """Columns of a friction law: Coulomb levels for both directions [N m], breakaway levels above them
 [N m], Stribeck velocity [rad/s], damping added at positive and negative velocity [N m s/rad],
 presliding displacement [rad], friction per transmitted torque [-], smoothing velocity [rad/s]."""
-LAW_SIZE = 10
 
 
 @lean

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve, find_peaks
 
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.signals import MEAN, commanded_current, joint_torque, taken_over, within
 from cjt_gym.gap.stages.chain import MOTOR
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.gap.stages.predictor import torque_response
 from cjt_gym.joint.arrays import Floats
 

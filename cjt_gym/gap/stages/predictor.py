@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
+from cjt_gym.gap.recorded.fields import LAW_SIZE, Fields, friction_law, has_friction
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.chain import Chain
-from cjt_gym.gap.stages.fields import Fields, friction_law, has_friction
-from cjt_gym.gap.stages.kernel import LAW_SIZE, predict
+from cjt_gym.gap.stages.kernel import predict
 from cjt_gym.joint.arrays import Floats
 
 RESPONSE = 200

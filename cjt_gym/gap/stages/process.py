@@ -20,8 +20,8 @@ from cjt_gym.gap.recorded.signals import motor_torque
 from cjt_gym.joint.arrays import Floats
 
 if TYPE_CHECKING:
+    from cjt_gym.gap.recorded.fields import Fields
     from cjt_gym.gap.stages.cut import Stages
-    from cjt_gym.gap.stages.fields import Fields
 
 WINDOW = 32
 """Samples of a stretch."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled
 

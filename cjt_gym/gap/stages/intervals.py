@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.stages.fit import Fit, Problem
-from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint.arrays import Floats
 
 BLOCKS = 40

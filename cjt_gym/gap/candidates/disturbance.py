@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
-from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint.arrays import Floats
 
 Values = Mapping[str, float]

@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.stages.kernel import LAW_SIZE
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.quantity import Quantity
 
@@ -21,6 +20,7 @@ Fields = dict[str, float]
 CHAIN: Final = ("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl")
 LAW: Final = ("c_p", "c_n", "s_p", "s_n", "v_s", "d_p", "d_n", "z_s", "mu", "dq_0")
 """Fields of a friction law, each followed by ``_m``, ``_g`` or ``_l``; see the kernel's columns."""
+LAW_SIZE: Final = len(LAW)
 NEUTRAL: Final[Mapping[str, float]] = {
     "i_0": 0.0,  # offset of the current sensor [A]
     "tau_0": 0.0,  # offset of the torque sensor [N m]
