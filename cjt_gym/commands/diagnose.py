@@ -161,9 +161,11 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     """Return the text of joint.toml: the identified joint, with what its reader should know."""
     joint = diagnosis.joint
     doubtful = [e.name for e in diagnosis.effects if e.status == "tentative"]
+    names = dict.fromkeys(e.name for e in diagnosis.effects)
+    here, absent = ([n for n in names if (n in joint.effects) == there] for there in (True, False))
     lines = [
         f"The joint as a diagnosis of {name} found it: the nominal one with the named effects, "
-        f"{len(diagnosis.effects) or 'none'} here.",
+        f"{len(here) or 'none'} here.",
         f"Verdict: {diagnosis.verdict}.",
         'low and high are 95 % intervals; randomization = "identified" draws '
         + ("as found.covariance says." if "covariance" in joint.found else "within them."),
@@ -172,6 +174,10 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     ]
     if doubtful:
         lines.append(f"Tentative: {', '.join(doubtful)}.")
+    if absent:
+        lines.append(
+            f"Named, but not in here, as it predicts as well without: {', '.join(absent)}."
+        )
     if diagnosis.unexplained.stage is not None:
         lines.append(f"Not in here: {diagnosis.unexplained.text}")
     return "".join(f"# {line}\n" for line in lines) + to_toml(joint)

@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.horizons.answer import allowed_by
 from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.recorded.setting import make_setting
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fit import Model, Problem
+from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
@@ -22,6 +27,7 @@ from tests.gap.simulator import TRUE, nominal, simulate
 
 FIXED = "output_fixed_rigid_gearbox"
 RUBBING = (3.0, 3.0)
+DRIVEN = ("current_lag", "hum")
 
 
 def only(record: Record, *names: str) -> Record:
@@ -79,6 +85,31 @@ def test_friction_that_falls_below_the_stated_noise_is_not_confirmed_as_plain(
     (effect,) = diagnose(only(record, "q_m", "tau", "i_cmd"), nominal()).effects
     assert (effect.name, *effect.confusable_with[:1]) == names
     assert (effect.status, bool(effect.doubt)) == (status, status == "tentative")
+
+
+def test_a_record_without_the_command_is_not_asked_what_the_drive_does() -> None:
+    record = simulate(2.0)
+    whole = Stages(make_setting(record, nominal(), get_structure(FIXED)))
+    rows = (*all_candidates(whole.setting, whole.names), *whole.outside.rows)
+    drive = tuple(next(r for r in rows if name in (r.name, r.outside)) for name in DRIVEN)
+    assert all("drive" in row.touches for row in drive)
+    bare = make_setting(only(record, "i", "q_m", "tau"), nominal(), get_structure(FIXED))
+    problem, model = Problem.of(Stages(bare)), Model(drive)
+    start = [u.coordinate(x) for r in drive for u, x in zip(r.unknowns, r.starts[0], strict=True)]
+    z = np.array([0.0] * len(problem.shared) + start)
+    slopes = problem.jacobian(model, z, problem.residuals(model, z))
+    assert set(slopes) == set(problem.stages.names)
+    assert "drive" not in slopes
+
+
+@pytest.mark.slow
+def test_a_held_out_record_may_lack_the_command_beside_which_a_cause_was_found() -> None:
+    t = 1e-3 * np.arange(4000)
+    hum = 0.4 * np.sin(2.0 * np.pi * 50.0 * t)
+    record, other = (simulate(4.0, seed, RUBBING, drive=lambda i: i + hum) for seed in (0, 1))
+    found = diagnose(record, nominal(), validate=only(other, "i", "q_m", "q_l", "tau"))
+    assert "coulomb" in named(found)
+    assert found.stages["drive"].before > 3.0, "something is in the current that no command asks"
 
 
 def test_without_position_and_torque_nothing_is_judged() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cjt_gym.commands.diagnose import joint_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.table import all_candidates
@@ -180,6 +181,15 @@ def test_what_keeps_a_name_from_being_confirmed_is_told_once(explained: Diagnosi
         "gravity: tentative, as it is small",
     ]
     assert page(told, "gap").count("nothing shows it") == 2
+
+
+def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -> None:
+    (sure,) = explained.effects
+    told = replace(explained, effects=(sure, replace(sure, name="command_delay")))
+    head = joint_text(told, "run").partition("\nname = ")[0]
+    assert "the named effects, 1 here." in head
+    assert head.endswith("# Named, but not in here, as it predicts as well without: command_delay.")
+    assert "Named, but not in here" not in joint_text(explained, "run")
 
 
 def test_no_gap_and_an_unknown_effect_have_their_sentences(

@@ -52,7 +52,9 @@ def disturbing(
             values.setdefault(name, {})[symbol] = value
     total: dict[str, Floats] = {}
     for name, numbers in values.items():
-        row = known[name]
+        row = known.get(name)
+        if row is None:  # a held-out record may lack the channels on which it acts
+            continue
         total[row.channel] = total.get(row.channel, 0.0) + row.signal(series, numbers)
     return total
 

@@ -118,9 +118,10 @@ def _noise(view: View) -> list[str]:
                     f"deviation of {swing:.2g} {channel.unit}, and the joint file specifies none."
                 )
         elif channel.specified and channel.observed > NOISY * channel.specified:
+            ratio = float(f"{channel.observed / channel.specified:.2g}")
             found.append(
                 f"{name} has noise of {channel.observed:.2g} {channel.unit}, "
-                f"{channel.observed / channel.specified:.2g} times what the joint file specifies."
+                f"{ratio:g} times what the joint file states."
             )
     return found
 
@@ -178,7 +179,7 @@ def _swing(view: View) -> Sequence[str]:
 UNITS = "Map each channel with its unit, sign and side: --mapping."
 ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
 FINER = "Record more motion, or a finer angle."
-SPECIFY = "State the noise that each sensor has: [sensors.i] noise in the joint file."
+SPECIFY = "State the noise of these sensors in the joint file, such as noise under [sensors.q_m]."
 LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_repairs, ""),
     (lambda view: clock(view.records), "Log at an even rate of 1 kHz, with the time of each row."),

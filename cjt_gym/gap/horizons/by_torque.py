@@ -21,7 +21,8 @@ from cjt_gym.joint.effect_entries import unit_on
 
 HELD = (
     "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
-    "effects come from a regression of the torque on the motion; the joint file does not have them."
+    "effects and their numbers come from a regression of the torque on the motion; the joint file "
+    "has what predicts the motion best."
 )
 """Message used when effects are identified from the torque alone."""
 SYMBOLS = {"damping": "d_m", "coulomb": "d_cm", "torque_offset": "torque"}

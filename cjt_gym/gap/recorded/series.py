@@ -326,6 +326,10 @@ def compliance(joint: JointFile, structure: Structure) -> float:
     return 1.0 / p.k_b + (1.0 / p.k_g if gear else 0.0)
 
 
+def _filled(record: Record) -> str:
+    return ", ".join(name for name in record.columns if np.isfinite(record[name]).any())
+
+
 def _check(record: Record, columns: Mapping[str, Floats]) -> None:
     if len(record) < SHORTEST:
         raise RecordError(
@@ -336,10 +340,10 @@ def _check(record: Record, columns: Mapping[str, Floats]) -> None:
         raise RecordError(
             f"{record.owner} must have the motor angle q_m [rad] to be diagnosed: only with a held "
             "output can the joint torque tau [N m] stand in for it, by the stiffness k_b of the "
-            f"joint. Columns there: {', '.join(record.columns)}."
+            f"joint. Columns with values: {_filled(record)}."
         )
     if "i" not in columns and "i_cmd" not in columns:
         raise RecordError(
             f"{record.owner} must have one of i [A], i_cmd [A], tau_m [N m] or tau_cmd [N m], "
-            f"what drives the joint. Columns there: {', '.join(record.columns)}."
+            f"what drives the joint. Columns with values: {_filled(record)}."
         )

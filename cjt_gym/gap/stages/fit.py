@@ -97,9 +97,10 @@ class Problem:
         return found + [u for effect in model.effects for u in effect.unknowns]
 
     def touches(self, model: Model) -> list[tuple[str, ...]]:
-        """Return the stages that each coordinate changes."""
+        """Return the stages that each coordinate changes, of those that the record shows."""
         found = [n.stages for n in self.shared]
-        return found + [effect.touches for effect in model.effects for _ in effect.unknowns]
+        found += [effect.touches for effect in model.effects for _ in effect.unknowns]
+        return [tuple(n for n in stages if n in self.stages.names) for stages in found]
 
     def fields(self, model: Model, z: Floats) -> Fields:
         """Return the fields of a model."""

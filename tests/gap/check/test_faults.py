@@ -193,7 +193,7 @@ def stale(table: Table) -> Table:
         (with_gap, "The log has 1 gap of up to 52 ms"),
         (clipped, "it looks cut off there"),
         (still_command, "i_cmd never changes: 1 throughout."),
-        (noisy, "times what the joint file specifies"),
+        (noisy, "times what the joint file states"),
         (early, "i leads i_cmd by 3 samples"),
         (at_rest_at_last, "The last fifth of the record, from 6.4 s on, is at rest"),
         (stale, "repeated samples"),
