@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.encoders import in_step
+from cjt_gym.gap.check.faults import UNITS
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
@@ -136,7 +137,9 @@ def diagnose(
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return _with_gaps_said(_with_structure_said(found, first, shape), given, whole)
+    return _with_units_said(
+        _with_gaps_said(_with_structure_said(found, first, shape), given, whole)
+    )
 
 
 def _asked(ask: Ask) -> Suggestion:
@@ -214,6 +217,18 @@ def _with_structure_said(found: Diagnosis, record: Record, shape: Structure) -> 
     if record.structure in (None, shape.name):
         return found
     said = f"{record.owner} states {record.structure}, but was diagnosed as {shape.name}."
+    left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
+    return replace(found, unexplained=left)
+
+
+def _with_units_said(found: Diagnosis) -> Diagnosis:
+    """Return a diagnosis with a note if a unit or sign of the log seems to be wrong."""
+    if found.examination is None or UNITS not in found.examination.advice:
+        return found
+    said = (
+        "Channels contradict each other or the joint, as with a wrong unit, sign or side: see the "
+        "faults of the log before you rely on the rest."
+    )
     left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
     return replace(found, unexplained=left)
 

@@ -14,6 +14,8 @@ from cjt_gym.commands.diagnose import joint_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.table import all_candidates
+from cjt_gym.gap.check.faults import UNITS
+from cjt_gym.gap.diagnose import _with_units_said
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.setting import make_setting
@@ -181,6 +183,14 @@ def test_what_keeps_a_name_from_being_confirmed_is_told_once(explained: Diagnosi
         "gravity: tentative, as it is small",
     ]
     assert page(told, "gap").count("nothing shows it") == 2
+
+
+def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
+    exam = explained.examination
+    assert exam is not None
+    assert _with_units_said(explained) is explained, "nothing is wrong with its units"
+    wrong = replace(explained, examination=replace(exam, advice=(UNITS,)))
+    assert _with_units_said(wrong).unexplained.text.startswith("Channels contradict each other")
 
 
 def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -> None:

@@ -27,7 +27,7 @@ def summary(diagnosis: Diagnosis) -> str:
     gap, explained = diagnosis.gap, bool(diagnosis.effects)
     refined = explained or gap.after != gap.before
     title = VERDICTS[diagnosis.verdict].upper()
-    lines = textwrap.wrap(f"{title}. {verdict_sentence(diagnosis)}", WIDTH, max_lines=4)
+    lines = textwrap.wrap(f"{title}. {verdict_sentence(diagnosis)}", WIDTH, max_lines=6)
     kept = "held-out data" if gap.held_out else "the fitted data"
     after = f"after {percent(gap.after)}   " if refined else ""
     before = f"{'before ' if refined else ''}{percent(gap.before)}"

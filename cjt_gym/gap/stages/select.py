@@ -123,7 +123,7 @@ class Selection:
                 break
             if self.potential(best, stages) < RELEASE + MARGIN or not self._material(best, stages):
                 break
-            there = [effect.name for effect in best.model.effects]
+            there = [effect.outside or effect.name for effect in best.model.effects]
             beside = f" beside {' and '.join(there)}" if there else ""
             self.progress(f"trying {len(pool)} effects{beside}")
             grown: list[Fit] = []
