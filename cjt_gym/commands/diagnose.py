@@ -161,8 +161,10 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     """Return the text of joint.toml: the identified joint, with what its reader should know."""
     joint = diagnosis.joint
     doubtful = [e.name for e in diagnosis.effects if e.status == "tentative"]
-    names = dict.fromkeys(e.name for e in diagnosis.effects)
-    here, absent = ([n for n in names if (n in joint.effects) == there] for there in (True, False))
+    here = {e.name for e in diagnosis.effects if e.name in joint.effects}
+    absent = {e.name: e.stage for e in diagnosis.effects if e.name not in here}
+    driven = [name for name, stage in absent.items() if stage == "drive"]
+    others = [name for name in absent if name not in driven]
     lines = [
         f"The joint as a diagnosis of {name} found it: the nominal one with the named effects, "
         f"{len(here) or 'none'} here.",
@@ -174,10 +176,13 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     ]
     if doubtful:
         lines.append(f"Tentative: {', '.join(doubtful)}.")
-    if absent:
+    if driven:
         lines.append(
-            f"Named, but not in here, as it predicts as well without: {', '.join(absent)}."
+            "Not in here, as the measured current is its input; add it to simulate from commands: "
+            f"{', '.join(driven)}."
         )
+    if others:
+        lines.append(f"Named, but not in here: {', '.join(others)}.")
     if diagnosis.unexplained.stage is not None:
         lines.append(f"Not in here: {diagnosis.unexplained.text}")
     return "".join(f"# {line}\n" for line in lines) + to_toml(joint)

@@ -39,10 +39,7 @@ from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
 from cjt_gym.gap.stages.fit import Fit, Model
-from cjt_gym.gap.stages.intervals import (
-    Covariance,
-    covariance,
-)
+from cjt_gym.gap.stages.intervals import Covariance, covariance
 from cjt_gym.gap.stages.lateness import open_instant
 from cjt_gym.gap.stages.leftover import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.gap.stages.select import BEYOND, Progress, silent

@@ -195,11 +195,13 @@ def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
 
 def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -> None:
     (sure,) = explained.effects
-    told = replace(explained, effects=(sure, replace(sure, name="command_delay")))
+    late = replace(sure, name="command_delay", stage="drive")
+    told = replace(explained, effects=(sure, late, replace(sure, name="noise", stage="sensing")))
     head = joint_text(told, "run").partition("\nname = ")[0]
     assert "the named effects, 1 here." in head
-    assert head.endswith("# Named, but not in here, as it predicts as well without: command_delay.")
-    assert "Named, but not in here" not in joint_text(explained, "run")
+    assert "add it to simulate from commands: command_delay." in head
+    assert head.endswith("# Named, but not in here: noise.")
+    assert "ot in here" not in joint_text(explained, "run")
 
 
 def test_no_gap_and_an_unknown_effect_have_their_sentences(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
-from cjt_gym.gap.diagnosis import MUCH_LEFT, STRETCHED, Interval, NamedEffect
+from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, STRETCHED, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, EITHER, agrees, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
@@ -87,7 +87,7 @@ def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
         if isinstance(x := given.get(symbol, one.value), float)
     }
     regressed = replace(effect, parameters=numbers)
-    return regressed.doubted("least squares predicts as well, and does not choose among effects")
+    return regressed.doubted("the answer is a regression, which does not choose among effects")
 
 
 def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
@@ -203,13 +203,15 @@ def _named(
     alike = tuple(dict.fromkeys((*genuine, *same)))
     slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
     delayed = term.name in LATE and judged.case.logs[0].drive != "i"
+    mimicked = term.name in MIMICS and removed <= MUCH
+    endless = term.name == "stribeck" and not _levelled(found.fit, index)
     doubts = (
         (bool(alike), f"{' or '.join(alike)} may take its place"),
-        (slight, "few parts of the record show it, or hardly"),
+        (slight, "the record shows it in few places, or only just"),
         (test is not None and test.fall <= 0.0, "held-out data do not call for it"),
-        (term.name in MIMICS and removed <= MUCH, "a wrong input or position may look like it"),
+        (mimicked, "an error of the input or the angle may look like it"),
         (_is_unfelt(judged, term), "the torque does not show it"),
-        (term.name == "stribeck" and not _levelled(found.fit, index), "it falls to no level"),
+        (endless, "nothing shows the level to which it falls"),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
         (_is_strained(judged, term), STRETCHED),
@@ -314,8 +316,17 @@ def of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
         found.append(("current_lag", {"bandwidth": value}))
     other = {"command_delay": "current_lag", "current_lag": "command_delay"}
     return tuple(
-        NamedEffect(name, "drive", None, None, numbers, "confirmed", 1.0, removed, (twin,)).doubted(
-            f"{twin} may take its place"
+        NamedEffect(
+            name,
+            "drive",
+            None,
+            None,
+            numbers,
+            "tentative",
+            EVEN_CHANCE,
+            removed,
+            (other[name],),
+            doubt=f"{other[name]} may take its place",
         )
-        for name, numbers, twin in ((n, p, other[n]) for n, p in found)
+        for name, numbers in found
     )

@@ -75,7 +75,7 @@ def retold(
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     if judged.cut and first.verdict == "unexplained":  # the cause is not in the table
-        said = "its cause may be none of the table"
+        said = "its cause may not be in the table"
         effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)
     rows = judged.rows
     stages = stages_of(first, judged, effects)

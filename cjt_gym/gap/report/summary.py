@@ -74,11 +74,11 @@ def _row(effect: NamedEffect) -> str:
 
 def _doubts(effects: Sequence[NamedEffect]) -> list[str]:
     """Return why effects are tentative, those of one reason together."""
-    names: dict[str, list[str]] = {}
+    names: dict[str, dict[str, None]] = {}  # each once, though it may act on several channels
     for effect in effects:
         if effect.doubt:
-            names.setdefault(effect.doubt, []).append(effect.name)
-    said = [f"{joined(some)}: tentative, as {why}" for why, some in names.items()]
+            names.setdefault(effect.doubt, {})[effect.name] = None
+    said = [f"{joined(list(some))}: tentative, as {why}" for why, some in names.items()]
     return [textwrap.shorten(line, WIDTH, placeholder=" …") for line in said]
 
 
