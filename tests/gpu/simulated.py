@@ -38,14 +38,14 @@ def actions() -> list[torch.Tensor]:
 
 def run(episodes: Any, state: Any) -> dict[str, np.ndarray]:
     """Return what episodes observe, earn and are, step by step."""
-    rows: dict[str, list[Any]] = {"first": [episodes.reset(SEED).numpy().copy()]}
+    rows: dict[str, list[Any]] = {"first": [episodes.reset(SEED).cpu().numpy().copy()]}
     for action in actions():
-        values = [x.numpy().copy() for x in episodes.step(action)]
+        values = [x.cpu().numpy().copy() for x in episodes.step(action.to(episodes.device))]
         names = ("observation", "reward", "terminated", "truncated")
         for name, value in zip(names, values, strict=True):
             rows.setdefault(name, []).append(value)
         rows.setdefault("state", []).append(np.array(state()))
-        rows.setdefault("last", []).append(episodes.last.numpy().copy())
+        rows.setdefault("last", []).append(episodes.last.cpu().numpy().copy())
     return {name: np.array(values) for name, values in rows.items()}
 
 

@@ -1,4 +1,4 @@
-"""Episodes on a CUDA device: in Numba's simulator, and as code for a device that is not there."""
+"""Episodes on a CUDA device: in Numba's simulator, on a device where there is one, and as code."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from cjt_gym.joint import load_joint
 from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import Measurement
 from cjt_gym.training.gpu import HostEpisodes, make_episodes
-from cjt_gym.training.gpu.device import TorchLaw
+from cjt_gym.training.gpu.device import DeviceEpisodes, TorchLaw
 from cjt_gym.training.tuning.gains import choose
 
 HERE = Path(__file__).parent
@@ -45,17 +46,29 @@ def test_the_simulated_device_does_what_the_cpu_does(case: str, tmp_path: Path) 
     command = [sys.executable, str(HERE / "simulated.py"), case, str(out)]
     flags = {"NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"}
     subprocess.run(command, check=True, env={**os.environ, **flags}, timeout=500)
+    with np.load(out) as found:
+        assert_does_what_the_cpu_does(found, case)
+
+
+@pytest.mark.skipif(not cuda.is_available(), reason="there is no device")
+@pytest.mark.parametrize("case", ["usual", "everything"])
+def test_a_device_does_what_the_cpu_does(case: str) -> None:
+    device = DeviceEpisodes(simulated.NUM, episode_steps=simulated.EPISODE, **simulated.CASES[case])
+    found = simulated.run(device, lambda: device.state.cpu())
+    assert_does_what_the_cpu_does(found, case)
+
+
+def assert_does_what_the_cpu_does(found: Mapping[str, Any], case: str) -> None:
     host = HostEpisodes(simulated.NUM, episode_steps=simulated.EPISODE, **simulated.CASES[case])
     arrays = host.episodes.plant.batch.arrays
     expected = simulated.run(host, lambda: arrays.state)
-    with np.load(out) as found:
-        assert set(found) == set(expected)
-        assert found["truncated"].any()  # so that episodes began anew on the device
-        for name, values in expected.items():
-            # Observations are single precision: one digit of them is 1e-7 of at most 5.
-            close = 2e-6 if values.dtype == np.float32 else 1e-9
-            scale = max(1.0, np.abs(values).max())
-            np.testing.assert_allclose(found[name], values, rtol=0.0, atol=close * scale)
+    assert set(found) == set(expected)
+    assert found["truncated"].any()  # so that episodes began anew on the device
+    for name, values in expected.items():
+        # Observations are single precision: one digit of them is 1e-7 of at most 5.
+        close = 2e-6 if values.dtype == np.float32 else 1e-9
+        scale = max(1.0, np.abs(values).max())
+        np.testing.assert_allclose(found[name], values, rtol=0.0, atol=close * scale)
 
 
 COMPILE = """

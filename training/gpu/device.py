@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -34,7 +35,7 @@ class DeviceEpisodes:
     """Episodes stepped on a CUDA device by the code that the CPU runs, a thread for each.
 
     All arrays stay there; torch sees those of `HostEpisodes` and those below without a copy. All
-    numbers are double precision, as on the CPU. Compiling takes minutes, once per process.
+    numbers are double precision, as on the CPU. Compiling takes a minute or two, once per process.
 
     A base controller must be a linear law, such as pd_feedforward: torch computes it on the device.
 
@@ -81,7 +82,7 @@ class DeviceEpisodes:
         self._steps = 0
         self._blocks = -(-num_envs // THREADS)
         self._threads = min(THREADS, num_envs)
-        self._step, self._begin = cuda.jit(step_episodes), cuda.jit(begin_episodes)
+        self._step, self._begin = kernels()
 
     def _law_of(self, host: Episodes) -> TorchLaw | None:
         controller = host.controller
@@ -148,6 +149,12 @@ class DeviceEpisodes:
 
     def _launch(self, kernel: Any, parts: tuple[Any, ...]) -> None:
         kernel[self._blocks, self._threads](*parts)
+
+
+@functools.cache
+def kernels() -> tuple[Any, Any]:
+    """Return the kernels of a step and of a begin, compiled when they are first called."""
+    return cuda.jit(step_episodes), cuda.jit(begin_episodes)
 
 
 def place(array: NDArray[Any]) -> Any:
