@@ -27,6 +27,12 @@ DIFFERENCES = 3
 
 
 @threaded
+def one_step(batch: Batch, setup: Setup, i: int, command: float, load: float, work: Floats) -> bool:
+    """Advance joint i by one sample, for all callers; return whether it stays finite."""
+    return control_step(batch, setup, i, command, 0.0, load, work)
+
+
+@threaded
 def follow(
     batch: Batch,
     setup: Setup,
@@ -72,7 +78,7 @@ def follow(
             restart(batch, setup, 0, loads[k], work)
         for j in range(6):
             out[k, j] = state[j]
-        good = whole[k] and control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
+        good = whole[k] and one_step(batch, setup, 0, commands[k], loads[k], work)
 
 
 def observed(joint: Joint, batch: JointBatch, log: Log, work: Floats) -> Floats:

@@ -23,13 +23,14 @@ from cjt_gym.gap.horizons.spent import (
     deviations,
     gain,
     predicted,
+    steady_gain,
 )
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
 OVER = 0.01
 """Time over which the motion is smoothed [s]."""
-PERIODS, SAMPLES = 6.0, 4.0
+PERIODS, SAMPLES = 3.0, 4.0
 """Fewest periods within the travel, and fewest samples within a period at the usual speed."""
 PEAKS, STEPS = 5, 15
 """Number of peaks that are tried, and of frequencies around each."""
@@ -53,16 +54,26 @@ def over_angle(joint: Joint, logs: Sequence[Log]) -> Spent | None:
     q, moved, columns, torque = (np.concatenate(some) for some in zip(*parts, strict=True))
     if len(q) < BLOCKS * SHORTEST:
         return None
-    left = torque - columns @ np.linalg.lstsq(columns, torque, rcond=None)[0]
+    known = np.linalg.qr(columns)[0]
+    left = torque - known @ (known.T @ torque)
     low, high = 2.0 * np.pi * PERIODS / max(np.ptp(q), 1e-12), 2.0 * np.pi / SAMPLES
+
+    def explained(f: float) -> float:
+        """Return how little the rest of the torque leaves of a wave, as minus a sum of squares."""
+        waves = np.column_stack([np.cos(f * q), np.sin(f * q)])
+        waves -= known @ (known.T @ waves)
+        return -float(np.linalg.lstsq(waves, left, rcond=None)[1].sum())
+
     tried = _frequencies(q, left, low, high / max(float(np.median(moved)), 1e-12))
-    if not tried:
+    near = np.linspace(-1.0, 1.0, STEPS) * np.pi / max(np.ptp(q), 1e-12)
+    refined = [max(one + near, key=explained) for one in tried]
+    if not refined:
         return None
-    f = max(tried, key=lambda one: _explained(one, q, left))
+    f = float(max(refined, key=explained))
     full = np.column_stack([columns, np.cos(f * q), np.sin(f * q)])
-    errors, fits = predicted(full, torque)
-    share, clear = gain(errors, predicted(columns, torque)[0])
-    if share < SPENT or clear < CLEAR:
+    (errors, fits), (less, _) = predicted(full, torque), predicted(columns, torque)
+    share, clear = gain(errors, less)
+    if share < SPENT or max(clear, steady_gain(errors, less)) < CLEAR:
         return None
     waves = -fits[:, -2:]  # the motor's torque balances that of the magnets
     a, b = waves.mean(axis=0)
@@ -83,7 +94,7 @@ def _moving(joint: Joint, log: Log) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def _frequencies(q: Floats, left: Floats, low: float, high: float) -> list[float]:
-    """Return the frequencies of the highest peaks of a spectrum over the angle, refined."""
+    """Return the frequencies of the highest peaks of a spectrum over the angle [rad/rad]."""
     travel = float(np.ptp(q))
     cell = max(2.0 * np.pi / high / 6.0, travel / CELLS * 4.0)
     index = ((q - q.min()) / cell).astype(np.int64)
@@ -92,12 +103,4 @@ def _frequencies(q: Floats, left: Floats, low: float, high: float) -> list[float
     f = 2.0 * np.pi * np.arange(power.size) / (size * cell)
     power[(f < low) | (f > high)] = 0.0
     peaks, _ = find_peaks(power)
-    best = f[peaks[np.argsort(power[peaks])[::-1][:PEAKS]]]
-    near = np.linspace(-1.0, 1.0, STEPS) * np.pi / max(travel, 1e-12)
-    return [float(max(one + near, key=lambda x: _explained(x, q, left))) for one in best]
-
-
-def _explained(f: float, q: Floats, left: Floats) -> float:
-    """Return the squares that a wave over the angle removes from a remainder."""
-    waves = np.column_stack([np.cos(f * q), np.sin(f * q)])
-    return -float(np.linalg.lstsq(waves, left, rcond=None)[1].sum())
+    return [float(one) for one in f[peaks[np.argsort(power[peaks])[::-1][:PEAKS]]]]

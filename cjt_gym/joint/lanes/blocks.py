@@ -70,11 +70,14 @@ class Place(NamedTuple):
     i: int  # which joint of the batch
 
 
-def kind_of(joint: Joint, voltage: bool) -> Kind | None:
-    """Return the features that the joints of a batch share, or None for the general kernel."""
+def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
+    """Return the features that the joints of a batch share, or None for the general kernel.
+
+    With `torque` the torque of the joint is needed, which blocks only know of a spring.
+    """
     structure = joint.structure_row
     groups = structure.groups
-    if joint.drive != "current" or voltage or groups[1] == groups[2]:
+    if joint.drive != "current" or voltage or (torque and not structure.has_spring):
         return None
     if not set(joint.effects) <= set(HANDLED):
         return None

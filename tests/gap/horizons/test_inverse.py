@@ -211,3 +211,35 @@ def test_a_search_takes_cogging_that_the_torque_shows() -> None:
     (effect,) = (effect for effect in found.effects if effect.name == "cogging")
     assert effect.parameters["b"].value == pytest.approx(0.1, rel=0.1)
     assert found.joint.effects["cogging"]
+
+
+def test_a_fast_stretch_does_not_hide_cogging_of_a_slow_one(arm: JointFile) -> None:
+    record = held_record(0, 0.05, cogging=1.0)
+    columns = {name: record[name].copy() for name in ("t", "q_m", "i")}
+    way, t = slice(0, 200), record.t[:200]
+    columns["q_m"][way] = 0.2 * np.sin(12.0 * t)  # far faster than the rest, without its torque
+    columns["i"][way] = 0.0
+    case = make_case([Record(columns, record.units, structure="rigid")], [], arm,
+                     get_structure("rigid"))  # fmt: skip
+    wave = seen_in_torque(case.joint, case.logs)["cogging"]
+    assert wave.values[0] == pytest.approx(60.0, abs=1.0)
+    assert wave.size == pytest.approx(1.0, rel=0.2)
+
+
+def test_three_periods_of_cogging_are_told_from_friction(arm: JointFile) -> None:
+    """Slow ways to and fro over three periods and a half, of which only the risen halves are there.
+
+    Friction and an offset alone then take up half of a wave: its frequency shows beside them only.
+    """
+    rng, frequency, size = np.random.default_rng(0), 12.0, 2.0
+    q = np.concatenate([np.linspace(0.0, 1.8, 3000), np.linspace(1.8, 0.0, 3000)])
+    way = np.repeat([1.0, -1.0], 3000)
+    rises = way * np.sin(frequency * q) > -0.1
+    torque = size * np.sin(frequency * q) + 0.4 * way + 0.05 * rng.standard_normal(6000)
+    t = DT * np.arange(6000)
+    columns = {"t": t[rises], "q_m": q[rises], "i": torque[rises] / 10.0}
+    record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    case = make_case([record], [], arm, get_structure("rigid"))
+    wave = seen_in_torque(case.joint, case.logs)["cogging"]
+    assert wave.values[0] == pytest.approx(frequency, abs=0.2)
+    assert wave.size == pytest.approx(size, rel=0.1)
