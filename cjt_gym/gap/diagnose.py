@@ -134,9 +134,7 @@ def diagnose(
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return _with_units_said(
-        _with_gaps_said(_with_structure_said(found, first, shape), given, whole)
-    )
+    return remarked(found, given, whole, shape)
 
 
 def _asked(ask: Ask) -> Suggestion:
@@ -209,41 +207,29 @@ def _seen_elsewhere(found: Explanation) -> bool:
     return bool(found.left) and not found.fit.model.effects and small
 
 
-def _with_structure_said(found: Diagnosis, record: Record, shape: Structure) -> Diagnosis:
-    """Return a diagnosis with a note if the requested structure differs from the record's."""
-    if record.structure in (None, shape.name):
-        return found
-    said = f"{record.owner} states {record.structure}, but was diagnosed as {shape.name}."
-    left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
-    return replace(found, unexplained=left)
-
-
-def _with_units_said(found: Diagnosis) -> Diagnosis:
-    """Return a diagnosis with a note if a unit or sign of the log seems to be wrong."""
-    if found.examination is None or UNITS not in found.examination.advice:
-        return found
-    said = (
-        "Channels contradict each other or the joint, as with a wrong unit, sign or side: see the "
-        "faults of the log before you rely on the rest."
-    )
-    left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
-    return replace(found, unexplained=left)
-
-
-def _with_gaps_said(
-    found: Diagnosis, given: Sequence[Record], used: Sequence[Stretch]
+def remarked(
+    found: Diagnosis, given: Sequence[Record], used: Sequence[Stretch], shape: Structure
 ) -> Diagnosis:
-    """Return a diagnosis with a note if the stages could use little of a broken log."""
+    """Return a diagnosis that begins with what its reader has to know of the log."""
+    remarks = []
+    if found.examination is not None and UNITS in found.examination.advice:
+        remarks.append(
+            "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "
+            "the faults of the log before you rely on the rest."
+        )
     parts = [one.record for one in used]
     total, kept = (sum(float(x.t[-1] - x.t[0]) for x in some) for some in (given, parts))
-    if kept > MOST * total:
-        return found
-    said = (
-        f"Of the {total:.3g} s of the log the stages could use {kept:.3g} s: it has gaps, and the "
-        "rest lies in pieces that are too short. Log without gaps."
-    )
-    left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
-    return replace(found, unexplained=left)
+    if kept <= MOST * total:
+        remarks.append(
+            f"Of the {total:.3g} s of the log the stages could use {kept:.3g} s: it has gaps, and "
+            "the rest lies in pieces that are too short. Log without gaps."
+        )
+    first = given[0]
+    if first.structure not in (None, shape.name):
+        stated = f"{first.owner} states {first.structure}"
+        remarks.append(f"{stated}, but was diagnosed as {shape.name}.")
+    text = " ".join((*remarks, found.unexplained.text))
+    return replace(found, unexplained=replace(found.unexplained, text=text))
 
 
 def _as_list(records: Record | Sequence[Record]) -> list[Record]:

@@ -15,9 +15,10 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.check.faults import UNITS
-from cjt_gym.gap.diagnose import _with_units_said
+from cjt_gym.gap.diagnose import remarked
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.judged.replay import written
+from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.report import summary, write_report
 from cjt_gym.gap.report.drawing import COLOURS
@@ -188,9 +189,11 @@ def test_what_keeps_a_name_from_being_confirmed_is_told_once(explained: Diagnosi
 def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
     exam = explained.examination
     assert exam is not None
-    assert _with_units_said(explained) is explained, "nothing is wrong with its units"
+    log = [simulate(seconds=2.0)]
+    known = log, stretches(log), get_structure(FIXED)
+    assert remarked(explained, *known) == explained, "nothing is wrong with its units"
     wrong = replace(explained, examination=replace(exam, advice=(UNITS,)))
-    assert _with_units_said(wrong).unexplained.text.startswith("Channels contradict each other")
+    assert remarked(wrong, *known).unexplained.text.startswith("Channels contradict each other")
 
 
 def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -> None:

@@ -33,7 +33,8 @@ def test_sixteen_windows_at_once_are_what_each_is_alone(case: str) -> None:
     record = Record({name: record[name] for name in units}, units, structure=structure)
     log = make_case([record], [], joint.file, joint.structure_row).logs[0]
     forecast = Forecast(joint, log)
-    starts = np.array([3, 20, *range(100, len(log) - 400, 61)])  # the first ones lack a part of the lead
+    # the first ones lack a part of the lead
+    starts = np.array([3, 20, *range(100, len(log) - 400, 61)])
     lengths, leads = np.full(len(starts), 400), np.minimum(starts, 60)
     at_once = forecast.windows(starts, lengths, leads)
     few = [slice(k, k + FEWEST - 1) for k in range(0, len(starts), FEWEST - 1)]
