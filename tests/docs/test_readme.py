@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -24,10 +25,10 @@ COMMANDS = [
     for line in text.splitlines()
 ]
 SHORTENED = {
-    "train": ["--steps", "2048", "--quiet"],
-    "tune": ["--budget", "2", "--episodes", "1"],
-    "benchmark": ["--episodes", "2"],
-    "hardware": ["--duration", "2"],
+    "cjt-gym train": ["--steps", "2048", "--quiet"],
+    "cjt-gym benchmark": ["--episodes", "1"],
+    "cjt-gym diagnose emps": ["--seconds", "10"],
+    "cjt-gym hardware": ["--duration", "2"],
 }
 
 
@@ -38,22 +39,33 @@ def test_python_blocks_run(text: str, tmp_path: Path) -> None:
 
 
 def test_commands_run_one_after_the_other(tmp_path: Path) -> None:
-    ours = [shlex.split(line) for line in COMMANDS if line.startswith("cjt-gym ")]
+    ours = [line for line in COMMANDS if line.startswith("cjt-gym ")]
     wanted = {"simulate", "train", "benchmark", "diagnose", "check", "hardware"}
-    assert {words[1] for words in ours} >= wanted
+    assert {line.split()[1] for line in ours} >= wanted
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    for words in ours:
+    for line in ours:
+        shorter = (more for begin, more in SHORTENED.items() if line.startswith(begin))
         run = subprocess.run(
-            words + SHORTENED.get(words[1], []),
+            [*shlex.split(line), *next(shorter, [])],
             capture_output=True,
             text=True,
             cwd=tmp_path,
             env={**os.environ, "PATH": path},
             check=False,
         )
-        assert run.returncode == 0, (words, run.stderr)
+        assert run.returncode == 0, (line, run.stderr)
         assert run.stdout
+    found = (json.loads(path.read_text()) for path in named_in(tmp_path))
+    simulated, drive = ({e["name"]: e for e in one["effects"]} for one in found)
+    assert {name: e["status"] for name, e in simulated.items()} == {"coulomb": "confirmed"}
+    assert simulated["coulomb"]["parameters"]["d_cm"]["value"] == pytest.approx(5.9, rel=0.05)
+    assert set(drive) & {"damping", "coulomb", "coulomb_asym"}
+
+
+def named_in(folder: Path) -> tuple[Path, Path]:
+    """Return what was found in the simulated record and in that of the real drive."""
+    return folder / "found" / "diagnosis.json", folder / "diagnosis" / "emps" / "diagnosis.json"
 
 
 def test_every_make_target_of_the_readme_exists() -> None:

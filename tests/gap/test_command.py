@@ -58,6 +58,7 @@ def test_it_writes_three_files_and_says_what_it_found(
     assert "run" in again.source  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_an_excitation_of_an_earlier_diagnosis_is_removed(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

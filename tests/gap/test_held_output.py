@@ -92,6 +92,7 @@ def test_a_drive_behind_a_held_spring_may_be_slow() -> None:
     assert lag.numbers[0].low < 1.0 / (2.0 * np.pi * 0.03)
 
 
+@pytest.mark.slow
 def test_a_replay_that_is_far_off_is_not_explained() -> None:
     """Of a held output nothing adds up: a third of the torque left is no explanation."""
     whole = slow_record()

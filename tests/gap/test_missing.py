@@ -117,6 +117,7 @@ def test_without_position_and_torque_nothing_is_judged() -> None:
         diagnose(only(simulate(1.0), "i", "i_cmd"), nominal())
 
 
+@pytest.mark.slow
 def test_a_slow_log_shows_friction_and_says_what_it_blurs() -> None:
     record = simulate(16.0, friction=RUBBING)
     columns = {name: record[name][::10] for name in record.columns if name != "t"}

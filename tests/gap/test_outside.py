@@ -41,6 +41,7 @@ def setting_of(record: Record) -> Setting:
     return make_setting(record, nominal(), get_structure(FIXED))
 
 
+@pytest.mark.slow
 def test_a_drifting_torque_sensor_is_recognised_and_described() -> None:
     found = diagnose(drifting(simulate()), nominal(), validate=drifting(simulate(seed=1)))
     assert found.verdict == "unexplained"
@@ -49,6 +50,7 @@ def test_a_drifting_torque_sensor_is_recognised_and_described() -> None:
     assert found.unexplained.share == 1.0, "as the replay shows, without any effect"
 
 
+@pytest.mark.slow
 def test_a_known_effect_beside_an_unknown_one_is_named_and_confirmed() -> None:
     def shaken(t: float, q: float, v: float) -> float:
         del q, v

@@ -1,4 +1,7 @@
-"""The README's diagnosis names the friction that was simulated, whatever seed and amplitude."""
+"""The README's diagnosis names the friction that was simulated, whatever seed and amplitude.
+
+`tests/docs/test_readme.py` runs the commands as they stand; here they run with others.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import pytest
 
 from cjt_gym.cli import main
 
-SEVERAL = [(seed, None) for seed in range(1, 10)] + [(0, "15"), (0, "25"), (2, "15"), (3, "25")]
+SEVERAL = [(seed, None) for seed in range(10)] + [(0, "15"), (0, "25"), (2, "15"), (3, "25")]
 
 
 def cause(folder: Path, seed: int, amplitude: str | None) -> dict[str, object]:
@@ -30,10 +33,6 @@ def check(found: dict[str, object], status: tuple[str, ...]) -> None:
     (effect,) = effects  # type: ignore[misc]
     assert effect["status"] in status  # type: ignore[index]
     assert effect["parameters"]["d_cm"]["value"] == pytest.approx(5.9, rel=0.05)  # type: ignore[index]
-
-
-def test_the_readme_commands_name_the_friction(tmp_path: Path) -> None:
-    check(cause(tmp_path, 0, None), ("confirmed",))
 
 
 @pytest.mark.slow

@@ -155,6 +155,7 @@ def test_noise_that_is_stated_too_large_hides_nothing(stated: float, counts: flo
     assert channel_noise(series, known, "q_m", 0.0).std == pytest.approx(counts * true, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_gap_in_the_angle_of_a_held_joint_hides_nothing() -> None:
     made = simulate(seconds=6.0, extra=lambda t, q, v: 4.0 * min(v, 0.0) * -1.0)
     few = Record(
@@ -300,6 +301,7 @@ def test_friction_may_be_the_loads_where_only_the_motor_is_seen() -> None:
         assert undecided(setting, "coulomb") == alike
 
 
+@pytest.mark.slow
 def test_the_damping_of_a_spring_is_fitted_and_not_named() -> None:
     """Left at the datasheet's, dampings of motor and load were confirmed in its place."""
     true = {"I_l": 2.0, "d_l": 0.5, "d_gl": 6.0}
@@ -376,6 +378,7 @@ def load_record(effects: dict[str, dict[str, float]], seconds: float = 8.0) -> t
     return Record(columns, units, structure=joint.structure), joint
 
 
+@pytest.mark.slow
 def test_friction_of_a_load_is_told_where_predictions_show_it() -> None:
     """Of a compliant joint, by the motor alone: tentatively, as the examination excludes it."""
     made, joint = load_record({"load_coulomb": {"d_cl": 3.0}})
@@ -389,6 +392,7 @@ def test_friction_of_a_load_is_told_where_predictions_show_it() -> None:
     assert effect.parameters["d_cl"].value == pytest.approx(3.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_friction_of_a_load_that_falls_with_speed_is_not_called_plain() -> None:
     """Without a measured torque the stages judge spring and load as one, and a search decides."""
     dry = {"load_coulomb": {"d_cl": 2.0}, "stribeck": {"d_sl": 4.0, "v_s": 0.15}}
@@ -399,6 +403,7 @@ def test_friction_of_a_load_that_falls_with_speed_is_not_called_plain() -> None:
     assert effect.parameters["d_sl"].value == pytest.approx(4.0, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_motor_that_weakens_is_recognised_by_command_and_angle_alone() -> None:
     """With a held output and no torque sensor; the motor loses a third of its torque."""
     time, loss = 3.0, 0.06

@@ -247,6 +247,7 @@ def test_a_training_stops_early_where_nothing_becomes_better(
     assert (run.path / "model.zip").is_file()
 
 
+@pytest.mark.slow
 def test_several_seeds_train_side_by_side(tiny: TrainConfig, tmp_path: Path) -> None:
     short = replace(tiny, total_steps=512)
     runs = sorted(train_seeds(short, tmp_path / "run", seeds=2, jobs=2), key=lambda run: run.path)

@@ -159,6 +159,7 @@ def test_friction_that_one_speed_does_not_tell_hides_no_weight(arm: JointFile) -
     assert not weight, "without the friction in the regression it is not seen"
 
 
+@pytest.mark.slow
 def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
     arm: JointFile,
 ) -> None:
@@ -188,6 +189,7 @@ def test_cogging_is_read_off_the_torque_over_the_angle(arm: JointFile, seed: int
     assert "cogging" not in seen_in_torque(plain.joint, plain.logs)
 
 
+@pytest.mark.slow
 def test_cogging_that_a_controller_hides_is_named(arm: JointFile) -> None:
     found = diagnose(held_record(0, cogging=1.5), arm)
     effects = {effect.name: effect for effect in found.effects}
