@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +12,12 @@ import pytest
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
+from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.model import Draft, drafted
-from cjt_gym.gap.horizons.verdict import corrected
+from cjt_gym.gap.horizons.predictable import Predictable
+from cjt_gym.gap.horizons.verdict import corrected, unexplained_of, verdict_of
 from cjt_gym.gap.recorded.usable import check_one_joint
 from cjt_gym.joint import get_structure, to_toml
 from cjt_gym.records import Record, read_record
@@ -54,6 +57,20 @@ def test_a_guess_that_is_corrected_is_said() -> None:
     answer = drafted(case.joint, draft)
     assert "0.04 kg m^2, is corrected to 0.02" in corrected(Judgement(case, "found", answer, ()))
     assert corrected(Judgement(case, "datasheet", case.joint, ())) == ""
+
+
+@pytest.mark.parametrize(("nominal", "verdict"), [(0.6, "unexplained"), (0.3, "no_gap")])
+def test_a_regression_that_halves_the_error_leaves_a_gap_without_a_name(
+    nominal: float, verdict: str
+) -> None:
+    case = make_case([record(seconds=4.0)], [], datasheet(), get_structure("rigid"))
+    regressed = least_squares(case.joint, case.logs[0])
+    assert regressed is not None
+    row = Row(0.5, "q_m", nominal, 0.2, 0.2, 0.2, Predictable(0.0, 0.1, 20))
+    judged = Judgement(case, "least squares", regressed, (row,))
+    assert verdict_of(judged, (), suspected=False) == verdict
+    said = unexplained_of(judged, verdict, ()).text
+    assert re.search(r"inertia \(0\.0\d+ kg m\^2\), .* and offset \(.* N m\)", said)
 
 
 def test_a_log_of_which_little_was_used_says_so() -> None:

@@ -79,15 +79,18 @@ def inverse(joint: Joint, logs: Sequence[Log]) -> list[Inverse]:
     return found
 
 
-def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent]:
+def spent(
+    joint: Joint, logs: Sequence[Log], names: Sequence[str], wave: Spent | None = None
+) -> list[Spent]:
     """Return the effects on which torque is clearly spent, cross-validated over stretches.
 
     Args:
         joint: The nominal joint.
         logs: The records.
         names: Candidate effects from `PLACES`.
+        wave: Cogging that is known and taken out first.
     """
-    columns, torque = _moving(joint, logs)
+    columns, torque = _moving(joint, logs, wave)
     if len(torque) < BLOCKS * SHORTEST:
         return []
     asked, names = names, list(names)
@@ -124,9 +127,9 @@ def seen_in_torque(
     """
     wide = joint.parameters.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
     names = [n for n in PLACES if n not in joint.effects and (wide or n != "gravity")]
-    found = [one for one in spent(joint, logs, names) if one.name not in excluded]
-    seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
+    found = [one for one in spent(joint, logs, names, wave) if one.name not in excluded]
+    seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
     return seen if wave is None else seen | {wave.name: wave}
 
 
@@ -166,24 +169,28 @@ def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[F
     return predicted(columns[:, [0, *(k for n in names for k in PLACES[n])]], torque)
 
 
-def _moving(joint: Joint, logs: Sequence[Log]) -> tuple[Floats, Floats]:
+def _moving(joint: Joint, logs: Sequence[Log], wave: Spent | None = None) -> tuple[Floats, Floats]:
     """Return regressors and torque over all records; empty if a required channel is missing."""
     shape = joint.structure_row
     sprung = shape.groups[1] != shape.groups[2]
     usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
     if not usable or any(log.voltage for log in usable):
         return np.zeros((0, 6)), np.zeros(0)
-    parts = [_columns(joint, log, sprung) for log in usable]
+    parts = [_columns(joint, log, sprung, wave) for log in usable]
     columns, torque = zip(*parts, strict=True)
     return np.concatenate(columns), np.concatenate(torque)
 
 
-def _columns(joint: Joint, log: Log, sprung: bool) -> tuple[Floats, Floats]:
+def _columns(joint: Joint, log: Log, sprung: bool, wave: Spent | None) -> tuple[Floats, Floats]:
     """Return the regressors where the joint moves, shape (M, 6), and the motor's torque, (M,)."""
     p = joint.parameters
     count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
     torque = p.k_t * p.n * log.command
     torque = torque - log.measured["tau"] if sprung else torque + log.load
+    if wave is not None:
+        f, cosine, sine = wave.values
+        turned = f * log.measured["q_m"]
+        torque = torque + cosine * np.cos(turned) + sine * np.sin(turned)
     q, v, a = (
         savgol_filter(log.measured["q_m"], count, 2, deriv=k, delta=log.dt) for k in range(3)
     )

@@ -17,7 +17,8 @@ from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
-from cjt_gym.joint import Joint
+from cjt_gym.joint import EFFECTS, Joint
+from cjt_gym.joint.effect_entries import unit_on
 
 DRIFTLESS = 0.1
 """Relative error over a whole record of a held output, which does not drift, above which nothing
@@ -32,6 +33,14 @@ REFINED = 0.1
 NAMELESS = "No cause is named; refined values predict better:"
 BESIDE = "Refined values predict better:"
 """What introduces values that differ from the datasheet without and beside a cause."""
+LEAST = "least squares"
+REGRESSED = (
+    ("inertia", "inertia", "I_m"),
+    ("damping", "damping", "d_m"),
+    ("Coulomb friction", "coulomb", "d_cm"),
+    ("offset", "torque_offset", "torque"),
+)
+"""Name of the answer that is a regression, and its values: words, effect and symbol."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
 
 
@@ -104,7 +113,8 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
         main = main_row(judged)
-        moved = main.found < HALVED * main.datasheet and refined(judged, known=True)
+        other = judged.answer == LEAST or bool(refined(judged, known=True))
+        moved = main.found < HALVED * main.datasheet and other
         open_ = loud or _is_unknown(worst) or (open_ and (better or suspected))
         return "unexplained" if moved or open_ else "no_gap"
     return "partly_explained" if open_ else "explained"
@@ -202,11 +212,21 @@ def _ahead(row: Row) -> str:
 
 def _said(judged: Judgement) -> str:
     """Return a sentence on the answer if it is not a joint with named effects."""
-    return {
-        "least squares": "Nothing predicts better than least squares on inertia, damping, Coulomb "
-        "friction and offset: that is the joint given.",
-        "datasheet": "Nothing was found that predicts better than the datasheet.",
-    }.get(judged.answer, _imposed(judged))
+    if judged.answer == LEAST:
+        *most, last = (_regressed(judged.joint, *one) for one in REGRESSED)
+        told = f"{', '.join(most)} and {last}"
+        return f"Nothing predicts better than least squares on {told}: that is the joint given."
+    if judged.answer == "datasheet":
+        return "Nothing was found that predicts better than the datasheet."
+    return _imposed(judged)
+
+
+def _regressed(joint: Joint, words: str, effect: str, symbol: str) -> str:
+    """Return a value of the least-squares joint in words."""
+    parameter = EFFECTS[effect].parameter(symbol)
+    assert parameter is not None
+    unit = unit_on(parameter, joint.parameters)
+    return f"{words} ({joint.effects[effect][symbol]:.3g} {unit})"
 
 
 def _imposed(judged: Judgement) -> str:

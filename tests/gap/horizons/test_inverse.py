@@ -242,6 +242,9 @@ def test_three_periods_of_cogging_are_told_from_friction(arm: JointFile) -> None
     columns = {"t": t[rises], "q_m": q[rises], "i": torque[rises] / 10.0}
     record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
     case = make_case([record], [], arm, get_structure("rigid"))
-    wave = seen_in_torque(case.joint, case.logs)["cogging"]
-    assert wave.values[0] == pytest.approx(frequency, abs=0.2)
-    assert wave.size == pytest.approx(size, rel=0.1)
+    seen = seen_in_torque(case.joint, case.logs)
+    assert seen["cogging"].values[0] == pytest.approx(frequency, abs=0.2)
+    assert seen["cogging"].size == pytest.approx(size, rel=0.1)
+    (alone,) = (one for one in spent(case.joint, case.logs, ["coulomb"]))
+    assert alone.values[0] > 1.0, "friction takes up what is the wave's"
+    assert seen["coulomb"].values[0] == pytest.approx(0.4, rel=0.25)
