@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.log import Log
-from cjt_gym.gap.horizons.observer import observed, one_step
+from cjt_gym.gap.horizons.observer import Given, observed, one_step
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import (
     HOUSING,
@@ -44,19 +45,39 @@ LEAD = 0.06
 """Time before a window over which delays, lags and bristles settle on measured states [s]."""
 
 
+class Spans(NamedTuple):
+    """Windows of a record.
+
+    Attributes:
+        starts: First sample of each window, shape (W,).
+        lengths: Samples of each window, shape (W,).
+        leads: Samples before each window over which the joint is held, shape (W,).
+    """
+
+    starts: Integers
+    lengths: Integers
+    leads: Integers
+
+
+class Lanes(NamedTuple):
+    """What sixteen windows at once need.
+
+    Attributes:
+        kind: What the fast lanes need to know of the joint.
+        blocks: Those of the batch.
+        commands: Scratch for commands, shape (16, 2).
+        loads: Scratch for loads, shape (16,).
+    """
+
+    kind: Kind
+    blocks: Blocks
+    commands: Floats
+    loads: Floats
+
+
 @threaded
 def run_windows(
-    batch: Batch,
-    setup: Setup,
-    commands: Floats,
-    loads: Floats,
-    states: Floats,
-    starts: Integers,
-    lengths: Integers,
-    leads: Integers,
-    heat: Floats,
-    work: Floats,
-    out: Floats,
+    batch: Batch, setup: Setup, given: Given, spans: Spans, heat: Floats, work: Floats, out: Floats
 ) -> None:
     """Predict each window from its measured start; NaN once a state is no longer finite.
 
@@ -66,18 +87,15 @@ def run_windows(
     Args:
         batch: A batch of one.
         setup: Its setup.
-        commands: Currents [A] or voltages [V] of the record, shape (N,).
-        loads: Load torque [N m] or velocity [rad/s], shape (N,).
-        states: Measured states, shape (N, 6).
-        starts: First sample of each window, shape (W,).
-        lengths: Samples of each window, shape (W,).
-        leads: Samples before each window over which the joint is held, shape (W,).
+        given: The record.
+        spans: The windows.
         heat: Temperatures of winding and housing over the record [K], shape (N, 2); or (0, 2).
         work: Scratch space.
         out: Receives q_m, q_l and tau as the sensors report them, shape (W, longest, 3).
     """
-    for w in range(starts.shape[0]):
-        first = starts[w] - leads[w]
+    commands, loads, states = given
+    for w in range(spans.starts.shape[0]):
+        start, first = spans.starts[w], spans.starts[w] - spans.leads[w]
         for j in range(6):
             batch.state[0, j] = states[first, j]
         restart(batch, setup, 0, loads[first], work)
@@ -90,8 +108,8 @@ def run_windows(
         for d in range(batch.commands.shape[1]):
             batch.commands[0, d, 0] = commands[first]
         good = True
-        for k in range(first, starts[w] + lengths[w]):
-            j = k - starts[w]
+        for k in range(first, start + spans.lengths[w]):
+            j = k - start
             if j <= 0:
                 for column in range(6):
                     batch.state[0, column] = states[k, column]
@@ -105,38 +123,17 @@ def run_windows(
 
 
 @threaded
-def run_windows_side_by_side(
-    batch: Batch,
-    setup: Setup,
-    kind: Kind,
-    blocks: Blocks,
-    commands: Floats,
-    loads: Floats,
-    states: Floats,
-    starts: Integers,
-    lengths: Integers,
-    leads: Integers,
-    inputs: tuple[Floats, Floats],
-    out: Floats,
+def run_side_by_side(
+    batch: Batch, setup: Setup, given: Given, spans: Spans, lanes: Lanes, out: Floats
 ) -> None:
-    """Do what `run_windows` does, sixteen windows at once; heat is none of their effects.
+    """Do what `run_windows` does, sixteen windows at once, for a batch of sixteen.
 
-    Args:
-        batch: A batch of sixteen.
-        setup: Its setup.
-        kind: What the fast lanes need to know of the joint.
-        blocks: Those of the batch.
-        commands: As for `run_windows`, like those that follow.
-        loads: See there.
-        states: See there.
-        starts: See there.
-        lengths: See there.
-        leads: See there.
-        inputs: Scratch for commands, shape (16, 2), and loads, shape (16,).
-        out: See there.
+    Heat is none of the effects of such joints.
     """
+    commands, loads, states = given
+    starts, lengths, leads = spans
+    kind, blocks, command, load = lanes
     width, work = batch.tau.shape[0], blocks.work[0]
-    command, load = inputs
     for begin in range(0, starts.shape[0], width):
         lead, length = 0, 0
         for i in range(width):
@@ -190,22 +187,23 @@ def heat_up(batch: Batch, currents: Floats, dt: float, out: Floats) -> None:
 
 
 class Forecast:
-    """A joint on one record, ready to be predicted in any windows of it.
-
-    Attributes:
-        states: States of the record, shape (N, 6), with estimates of the unmeasured ones.
-    """
+    """A joint on one record, ready to be predicted in any windows of it."""
 
     def __init__(self, joint: Joint, log: Log) -> None:
         """Prepare a joint without noise."""
-        self._log, self._batch = log, _batch(joint, log)
-        self._command = np.ascontiguousarray(log.command)
+        self._batch = _batch(joint, log)
         self._heat = _temperatures(self._batch, log)
         self._work = np.zeros((WORK_ROWS, WORK_WIDTH))
         self._kind = kind_of(joint, log.voltage, torque="tau" in log.measured)
-        self.states = log.states
+        self._given = given = Given(np.ascontiguousarray(log.command), log.load, log.states)
         if not log.known.all():
-            self.states = observed(joint, self._batch, log, self._work)
+            states = observed(joint, self._batch, log, given, self._work)
+            self._given = given._replace(states=states)
+
+    @property
+    def states(self) -> Floats:
+        """States of the record, shape (N, 6), with estimates of the unmeasured ones."""
+        return self._given.states
 
     def windows(self, starts: Integers, lengths: Integers, leads: Integers) -> Floats:
         """Return predictions, shape (W, longest, 3); columns as in `CHANNELS`.
@@ -216,16 +214,15 @@ class Forecast:
             leads: Samples before each that are held to measured states, shape (W,).
         """
         out = np.zeros((len(starts), int(lengths.max(initial=1)), 3))
-        joint, inputs = self._batch, (self._command, self._log.load, self.states)
-        windows = starts, lengths, leads
+        one, setup, given = self._batch.arrays, self._batch.setup, self._given
+        spans = Spans(starts, lengths, leads)
         if self._kind is not None and len(starts) >= FEWEST:
-            batch = Batch(*(np.repeat(x, WIDTH, axis=0) for x in joint.arrays))
+            sixteen = Batch(*(np.repeat(x, WIDTH, axis=0) for x in one))
             blocks = make_blocks(self._kind, WIDTH)
-            room = np.zeros((WIDTH, 2)), np.zeros(WIDTH)
-            lanes = batch, joint.setup, self._kind, blocks
-            run_windows_side_by_side(*lanes, *inputs, *windows, room, out)
+            lanes = Lanes(self._kind, blocks, np.zeros((WIDTH, 2)), np.zeros(WIDTH))
+            run_side_by_side(sixteen, setup, given, spans, lanes, out)
         else:
-            run_windows(joint.arrays, joint.setup, *inputs, *windows, self._heat, self._work, out)
+            run_windows(one, setup, given, spans, self._heat, self._work, out)
         return out
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import binom
@@ -26,6 +28,20 @@ DIFFERENCES = 3
 """Order of the differences of an angle that show its noise."""
 
 
+class Given(NamedTuple):
+    """What a record gives to the kernel.
+
+    Attributes:
+        commands: Currents [A] or voltages [V], shape (N,).
+        loads: Load torque [N m] or velocity [rad/s], shape (N,).
+        states: Measured or estimated states, shape (N, 6).
+    """
+
+    commands: Floats
+    loads: Floats
+    states: Floats
+
+
 @threaded
 def one_step(batch: Batch, setup: Setup, i: int, command: float, load: float, work: Floats) -> bool:
     """Advance joint i by one sample, for all callers; return whether it stays finite."""
@@ -36,9 +52,7 @@ def one_step(batch: Batch, setup: Setup, i: int, command: float, load: float, wo
 def follow(
     batch: Batch,
     setup: Setup,
-    commands: Floats,
-    loads: Floats,
-    states: Floats,
+    given: Given,
     angles: Floats,
     whole: Flags,
     gain: Floats,
@@ -52,15 +66,14 @@ def follow(
     Args:
         batch: A batch of one.
         setup: Its setup.
-        commands: Currents [A] or voltages [V] of the record, shape (N,).
-        loads: Load torque [N m] or velocity [rad/s], shape (N,).
-        states: Where to start, shape (N, 6).
+        given: The record, with the states to start from.
         angles: Measured angles of motor, gear and load, shape (N, 3).
         whole: Where the record is not broken, shape (N,).
         gain: Change of the six states with the three errors; zero for angles not measured.
         work: Scratch space.
         out: Receives the states, shape (N, 6).
     """
+    commands, loads, states = given
     state = batch.state[0]
     good = False
     for k in range(states.shape[0]):
@@ -81,22 +94,21 @@ def follow(
         good = whole[k] and one_step(batch, setup, 0, commands[k], loads[k], work)
 
 
-def observed(joint: Joint, batch: JointBatch, log: Log, work: Floats) -> Floats:
+def observed(joint: Joint, batch: JointBatch, log: Log, given: Given, work: Floats) -> Floats:
     """Return the states of a record, shape (N, 6), as a joint's filter estimates them.
 
     Args:
         joint: The joint.
         batch: It as a batch of one.
         log: The record.
+        given: It for the kernel.
         work: Scratch space.
     """
     out, own = np.empty_like(log.states), np.zeros((len(log), 3))
     for k, name in enumerate(ANGLES):
         own[:, k] = log.measured.get(name, own[:, k])
-    follow(
-        batch.arrays, batch.setup, np.ascontiguousarray(log.command), log.load, log.states, own,
-        log.whole, _gain(joint, batch, log), work, out,
-    )  # fmt: skip
+    gain = _gain(joint, batch, log)
+    follow(batch.arrays, batch.setup, given, own, log.whole, gain, work, out)
     return out
 
 

@@ -9,6 +9,7 @@ sample is split at zero velocity. Smooth and elastic (Dahl) laws are also solved
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,75 @@ LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_P, VISCOUS_N, ELASTIC, LOADED
 """Columns of a friction law: Coulomb levels for both directions [N m], breakaway levels above them
 [N m], Stribeck velocity [rad/s], damping added at positive and negative velocity [N m s/rad],
 presliding displacement [rad], friction per transmitted torque [-], smoothing velocity [rad/s]."""
+
+
+class Linear(NamedTuple):
+    """A linear system over the samples of a record.
+
+    Attributes:
+        a: Transition matrix over one sample, shape (n, n).
+        torque: Effect of a torque held over the sample on each friction body, shape (n, bodies).
+        forced: Contribution of the known inputs over each sample, shape (N, n).
+        x0: State at the first sample, shape (n,).
+        h: Sample time [s].
+    """
+
+    a: Floats
+    torque: Floats
+    forced: Floats
+    x0: Floats
+    h: float
+
+
+class Measured(NamedTuple):
+    """What was measured of its states.
+
+    Attributes:
+        gain: Predictor gain, shape (n, m).
+        outputs: Index of the state that each output measures, shape (m,).
+        y: Measured outputs, shape (N, m).
+        valid: Whether the sample was measured, shape (N,).
+    """
+
+    gain: Floats
+    outputs: NDArray[np.int64]
+    y: Floats
+    valid: NDArray[np.bool_]
+
+
+class Rubbing(NamedTuple):
+    """Friction of its bodies.
+
+    Attributes:
+        laws: Friction laws, shape (bodies, 10).
+        bodies: Index of each body's velocity in the state, shape (bodies,).
+        load: Friction on each body beside its law [N m], shape (N, bodies).
+    """
+
+    laws: Floats
+    bodies: NDArray[np.int64]
+    load: Floats
+
+
+class Backlash(NamedTuple):
+    """Backlash in its gear; arrays of no size where there is none.
+
+    Attributes:
+        play: Shape (3 + 2 n,): half its width [rad], then the signs with which the state enters
+            the gear's deflection, then the contribution of the gear's spring to the state at a
+            deflection of half the width, then the gear's stiffness [N m/rad] and the part of its
+            damping that keeps the teeth from pulling [N m s/rad].
+        a: Transition matrix while the teeth do not touch, shape (n, n).
+        forced: `Linear.forced` meanwhile, shape (N, n).
+        torque: `Linear.torque` meanwhile, shape (n, bodies).
+        entry: Prescribed part of the gear's deflection [rad], shape (N,), or (0,).
+    """
+
+    play: Floats
+    a: Floats
+    forced: Floats
+    torque: Floats
+    entry: Floats
 
 
 @lean
@@ -164,29 +234,26 @@ def pushing(start: float, end: float, torque: float, after: float, half: float) 
 
 
 @lean
-def pass_through(
-    play: Floats,
-    loose: Floats,
-    adrift: Floats,
-    entry: Floats,
-    x: Floats,
-    new: Floats,
-    free: Floats,
-    t: int,
-    h: float,
-) -> float:
+def pass_through(gap: Backlash, x: Floats, new: Floats, free: Floats, t: int, h: float) -> float:
     """Correct the new state, computed for a gear in contact, for play; return the contact share.
 
-    For the arguments see `predict`; `free` is scratch, shape (n,).
+    Args:
+        gap: The play.
+        x: State, shape (n,).
+        new: State at the end of the sample, shape (n,).
+        free: Scratch, shape (n,).
+        t: The sample.
+        h: Sample time [s].
     """
+    play, entry = gap.play, gap.entry
     n, half = x.size, play[0]
     stiffness, damping = play[1 + 2 * n], play[2 + 2 * n]
     start = touch = apart = 0.0
     rate = touch_rate = apart_rate = 0.0
     for i in range(n):
-        value = adrift[t, i]
+        value = gap.forced[t, i]
         for j in range(n):
-            value += loose[i, j] * x[j]
+            value += gap.a[i, j] * x[j]
         free[i] = value
     for i in range(n // 2):
         sign = play[1 + i]
@@ -223,53 +290,23 @@ def pass_through(
 
 @compiled
 def predict(
-    a: Floats,
-    g: Floats,
-    k: Floats,
-    forced: Floats,
-    outputs: NDArray[np.int64],
-    y: Floats,
-    valid: NDArray[np.bool_],
-    x0: Floats,
-    laws: Floats,
-    bodies: NDArray[np.int64],
-    load: Floats,
-    play: Floats,
-    loose: Floats,
-    adrift: Floats,
-    slack_g: Floats,
-    entry: Floats,
-    h: float,
+    system: Linear, measured: Measured, rubbing: Rubbing, gap: Backlash
 ) -> tuple[Floats, Floats, Floats]:
     """Run the predictor over a record.
 
     Args:
-        a: Transition matrix over one sample, shape (n, n).
-        g: Effect of a torque held over the sample on each friction body, shape (n, bodies).
-        k: Predictor gain, shape (n, m).
-        forced: Contribution of the known inputs over each sample, shape (N, n).
-        outputs: Index of the state that each output measures, shape (m,).
-        y: Measured outputs, shape (N, m).
-        valid: Whether the sample was measured, shape (N,).
-        x0: State at the first sample, shape (n,).
-        laws: Friction laws, shape (bodies, 10).
-        bodies: Index of each body's velocity in the state, shape (bodies,).
-        load: Friction on each body beside its law [N m], shape (N, bodies).
-        play: Backlash in the gear, shape (1 + 2 n,): half its width [rad], then the signs with
-            with which the state enters the gear's deflection, then the contribution of the gear's
-            spring to the state at a deflection of half the width, then the gear's stiffness
-            [N m/rad] and the part of its damping that keeps the teeth from pulling [N m s/rad].
-            Shape (0,) for none.
-        loose: Transition matrix while the teeth do not touch, shape (n, n), or (0, 0).
-        adrift: The same as `forced` meanwhile, shape (N, n), or (0, 0).
-        slack_g: The same as `g` meanwhile, shape (n, bodies), or (0, 0).
-        entry: Prescribed part of the gear's deflection [rad], shape (N,), or (0,).
-        h: Sample time [s].
+        system: The linear system.
+        measured: What was measured of it.
+        rubbing: Its friction.
+        gap: Its play.
 
     Returns:
         Innovations, shape (N, m); predicted states, shape (N, n); friction torque on each body over
         each sample [N m], shape (N, bodies).
     """
+    a, firm, forced, x0, h = system
+    k, outputs, y, valid = measured
+    laws, bodies, load = rubbing
     n, m, nb = a.shape[0], outputs.shape[0], bodies.shape[0]
     size = forced.shape[0]
     e = np.zeros((size, m))
@@ -279,8 +316,7 @@ def predict(
     slack = np.zeros(nb)
     x = x0.copy()
     new, free = np.zeros(n), np.zeros(n)
-    firm = g
-    g = g.copy()
+    g = firm.copy()
     for t in range(size):
         states[t] = x
         if valid[t]:
@@ -294,11 +330,11 @@ def predict(
             for j in range(n):
                 value += a[i, j] * x[j]
             new[i] = value
-        if play.size > 0:
-            share = pass_through(play, loose, adrift, entry, x, new, free, t, h)
+        if gap.play.size > 0:
+            share = pass_through(gap, x, new, free, t, h)
             for i in range(n):
                 for b in range(nb):
-                    g[i, b] = share * firm[i, b] + (1.0 - share) * slack_g[i, b]
+                    g[i, b] = share * firm[i, b] + (1.0 - share) * gap.torque[i, b]
         for sweep in range(1 if nb < 2 else 3):
             for b in range(nb):
                 row = bodies[b]

@@ -12,7 +12,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from cjt_gym.gap.recorded.fields import LAW_SIZE, Fields, friction_law, has_friction
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.chain import Chain
-from cjt_gym.gap.stages.kernel import predict
+from cjt_gym.gap.stages.kernel import Backlash, Linear, Measured, Rubbing, predict
 from cjt_gym.joint.arrays import Floats
 
 RESPONSE = 200
@@ -45,7 +45,7 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Play:
-    """Backlash in the gear as the kernel takes it; see `cjt_gym.gap.stages.kernel.predict`."""
+    """Backlash in the gear as the kernel takes it; see `cjt_gym.gap.stages.kernel.Backlash`."""
 
     play: Floats
     loose: Chain
@@ -53,7 +53,7 @@ class Play:
     entry: Floats
 
 
-NO_PLAY = (np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)), np.zeros(0))
+NO_PLAY = Backlash(np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)), np.zeros(0))
 
 
 def backlash(
@@ -148,32 +148,20 @@ def run_predictor(
         if letter == "m" and rubbing is not None:
             loads[:, row] += rubbing
     velocities = np.array([chain.velocity(body) for _, body in rough], dtype=np.int64)
+    system = Linear(*map(np.ascontiguousarray, (chain.a, g, forced, x0)), dt)
     if measured is None or k is None:
         y, valid = np.zeros((len(forced), 0)), np.zeros(len(forced), dtype=bool)
-        k, outputs = np.zeros((len(x0), 0)), np.zeros(0, dtype=np.int64)
+        seen = Measured(np.zeros((len(x0), 0)), np.zeros(0, dtype=np.int64), y, valid)
     else:
         y, valid = measured
         outputs = np.zeros(1, dtype=np.int64)
-    gap: tuple[Floats, ...] = NO_PLAY
+        seen = Measured(np.ascontiguousarray(k), outputs, np.ascontiguousarray(y), valid)
+    gap = NO_PLAY
     if play is not None:
         slack = np.zeros_like(g)
         for row, (_, body) in enumerate(rough):
             slack[:, row] = play.loose.torque[:, body]
-        loose = np.ascontiguousarray(play.loose.a)
-        gap = (play.play, loose, np.ascontiguousarray(play.adrift), slack, play.entry)
+        loose, adrift = (np.ascontiguousarray(x) for x in (play.loose.a, play.adrift))
+        gap = Backlash(play.play, loose, adrift, slack, play.entry)
     run: Callable[..., tuple[Floats, Floats, Floats]] = predict
-    return run(
-        np.ascontiguousarray(chain.a),
-        g,
-        np.ascontiguousarray(k),
-        np.ascontiguousarray(forced),
-        outputs,
-        np.ascontiguousarray(y),
-        valid,
-        x0,
-        laws,
-        velocities,
-        loads,
-        *gap,
-        dt,
-    )
+    return run(system, seen, Rubbing(laws, velocities, loads), gap)
