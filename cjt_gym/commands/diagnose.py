@@ -172,7 +172,7 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
         'low and high are 95 % intervals; randomization = "identified" draws '
         + ("as found.covariance says." if "covariance" in joint.found else "within them."),
         "Values are refined within their datasheet tolerance where the record determines them",
-        "better; their sources give the original values.",
+        "better, and those under [effects] take the place of the same ones under [parameters].",
     ]
     if doubtful:
         lines.append(f"Tentative: {', '.join(doubtful)}.")
@@ -247,7 +247,7 @@ def _oriented(
             raise RecordError(
                 f"{record.owner}: {' '.join(odd)} A channel is in another unit than the record "
                 f"states, or {joint.name} is another joint. Give the unit, the gear side or the "
-                "joint: [columns] of --mapping, [units] beside the record, --joint."
+                "joint: [columns] of --mapping, or the values of --joint, such as an inertia."
             )
     found = dict.fromkeys(repair for _, some in pairs for repair in some)
     return [record for record, _ in pairs], list(found)

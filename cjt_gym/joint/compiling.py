@@ -1,4 +1,4 @@
-"""Reports that code is being compiled, which takes up to a minute on first use."""
+"""Reports that code is being compiled, which takes some minutes on first use."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba.core import event
 
 SILENCE = 1.5
 """Time after which a compilation is reported, and between its dots [s]."""
-COMPILING = "compiling, up to a minute; compiled code is kept for later runs"
+COMPILING = "compiling, up to two minutes; compiled code is kept for later runs"
 Tell = Callable[[bool], None]
 
 

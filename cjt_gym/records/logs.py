@@ -170,6 +170,6 @@ def _unexplained(path: Path, names: list[str]) -> Log:
         )
     others = [name for name in names if name not in known]
     left = f" Left out: {', '.join(others)}." if others else ""
-    text = f"No {path.stem}.toml and no mapping: {', '.join(known)} taken as SI units.{left}"
+    text = f"Nothing beside {path.name} says its units: {', '.join(known)} taken as SI units.{left}"
     note = Repair("unit", None, len(known), False, text)
     return Log(path, None, None, {"units": default_units(known)}, (note,))

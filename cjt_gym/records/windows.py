@@ -80,7 +80,7 @@ def windows_of(
     repairs = list(log.notes)
     if len(windows) < read:
         text = (
-            f"Of {read} windows of {length:g} s the {len(windows)} most informative are used: "
+            f"Of {read} windows of {length:g} s {len(windows)} are used, the most informative: "
             f"those from {', '.join(f'{window.place * length:g}' for window in windows)} s."
         )
         repairs.append(Repair("cut", None, read - len(windows), True, text))

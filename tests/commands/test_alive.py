@@ -103,7 +103,7 @@ def test_compiling_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     with alive.Alive() as signs:
         signs.watch_compiler()
         with event.trigger_event("numba:compile", data={}):
-            assert stream.getvalue().startswith("cjt-gym: compiling, up to a minute")
+            assert stream.getvalue().startswith("cjt-gym: compiling, up to two minutes")
             with event.trigger_event("numba:compile", data={}):
                 pass
             assert "compiling" in signs.doing
@@ -120,7 +120,7 @@ def test_python_programs_are_told_of_a_long_compilation(monkeypatch: pytest.Monk
     assert stream.getvalue() == ""
     monkeypatch.setattr(compiling, "SILENCE", 0.0)
     notice(True)
-    wait_for("cjt_gym: compiling, up to a minute", stream)
+    wait_for("cjt_gym: compiling, up to two minutes", stream)
     wait_for(" ....", stream)
     notice(False)
     wait_for("\n", stream)

@@ -55,7 +55,7 @@ def starts(records: tuple[Record, ...]) -> list[tuple[float, float]]:
 def test_the_windows_of_an_hour(hour: Path) -> None:
     records, repairs = informative_windows(hour, seconds=50.0)
     assert starts(records) == list(BUSY)
-    assert "Of 360 windows of 10 s the 5 most informative are used" in repairs[-1].text
+    assert "Of 360 windows of 10 s 5 are used, the most informative" in repairs[-1].text
 
 
 def test_memory_does_not_grow_with_the_log(tmp_path: Path) -> None:

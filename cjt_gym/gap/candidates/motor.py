@@ -46,10 +46,9 @@ def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
             family="offset",
         )
     )
-    rows += [
-        _periodic("cogging", "cog", size.torque, "N m"),
-        _periodic("gear_ripple", "rip", 1.0, "-"),
-    ]
+    rows.append(_periodic("cogging", "cog", size.torque, "N m"))
+    if setting.has_gear or setting.nominal["n"] != 1.0:  # a direct drive has no teeth
+        rows.append(_periodic("gear_ripple", "rip", 1.0, "-"))
     return rows
 
 

@@ -56,6 +56,12 @@ LEAST = 1e-3
 """Lower limit of a regression's inertia, relative to the datasheet's."""
 
 
+def either(name: str, joint: Joint) -> tuple[str, ...]:
+    """Return the explanations that are nearly equivalent to one; a direct drive has no teeth."""
+    geared = joint.structure_row.has_gear or joint.parameters.n != 1.0
+    return tuple(n for n in EITHER.get(name, ()) if geared or n != "gear_ripple")
+
+
 def agrees(one: Spent | None, values: Sequence[float]) -> bool:
     """Return whether a fit and a regression agree on the size of an effect."""
     if one is None or len(one.values) != len(values):
@@ -81,6 +87,7 @@ def told_by_torque(
     """
     names = {e.name for e in named}
     found: list[NamedEffect] = []
+    joint = judged.case.joint
     driven = any(one.name in FRICTION and one.values[0] < 0.0 for one in seen.values())
     for one in sorted(seen.values(), key=lambda s: -s.share):
         taken = names | {e.name for e in found}
@@ -89,8 +96,8 @@ def told_by_torque(
         found.append(
             NamedEffect(
                 one.name, EFFECTS[one.name].stage, BODIES.get(one.name), None,
-                _numbers(one, judged.case.joint), "tentative", EVEN_CHANCE,
-                one.share if alone else 0.0, EITHER.get(one.name, ()),
+                _numbers(one, joint), "tentative", EVEN_CHANCE,
+                one.share if alone else 0.0, either(one.name, joint),
                 doubt="the torque shows it, predictions of the motion do not",
             )
         )  # fmt: skip

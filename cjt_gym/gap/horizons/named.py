@@ -9,7 +9,7 @@ import numpy as np
 
 from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, STRETCHED, Interval, NamedEffect
-from cjt_gym.gap.horizons.by_torque import AGREES, EITHER, agrees, inertia_by_torque
+from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
 from cjt_gym.gap.horizons.held import slow_alike
@@ -192,7 +192,7 @@ def _named(
     worth, test = found.worths[index], judged.tests[index] if judged.tests else None
     rivals = found.rivals[index] if index < len(found.rivals) else ()
     genuine = tuple(r for r in rivals if r not in NESTED.get(term.name, ()))
-    same = tuple(n for n in EITHER.get(term.name, ()) if n not in genuine)
+    same = tuple(n for n in either(term.name, judged.case.joint) if n not in genuine)
     names = {t.name for t in found.fit.model.terms}
     if term.name == "coulomb" and "torque_offset" in names:
         same = ("coulomb_asym",)

@@ -21,7 +21,8 @@ KEYS = ("measured", "before", "after")
 def pictured(judged: Judgement, first: Evidence) -> Evidence:
     """Return evidence with the predictions of datasheet and answer on held-out data.
 
-    The residuals and maps of the stages belong to another joint and are omitted.
+    The residuals and maps of the stages belong to another joint and are omitted, and so is what is
+    left in each regime; where the datasheet errs they show as well.
 
     Args:
         judged: The judgement.
@@ -37,6 +38,7 @@ def pictured(judged: Judgement, first: Evidence) -> Evidence:
     nothing: Floats = np.zeros(0)
     return replace(
         Evidence(nothing, {}, {}, source=first.source),
+        regimes={stage: (before, ()) for stage, (before, _) in first.regimes.items()},
         replays=signals, replay_dt=log.dt, restarted=groups[0].length * log.dt,
     )  # fmt: skip
 

@@ -108,13 +108,16 @@ def _where(diagnosis: Diagnosis) -> str:
     bars = _aid(f"{aid}explains: 1, the dashed line, is a perfect model.") + drawn
     if diagnosis.verdict == "no_gap":
         return bars
+    regimes = diagnosis.evidence.regimes
     maps = [
         f"<h3>Inside the {escape(stage)} stage</h3>"
-        + regime_strips(before, after if explained else None)
-        for stage, (before, after) in diagnosis.evidence.regimes.items()
+        + regime_strips(before, after if explained and after else None)
+        for stage, (before, after) in regimes.items()
     ]
+    if not maps:
+        return bars
     aid = "Shares of the stage's gap over one variable at a time; each panel adds up to 100 %."
-    if explained:
+    if explained and any(after for _, after in regimes.values()):
         aid += " In front, what is left of it with the named effects."
     return bars + _aid(aid) + "".join(maps)
 

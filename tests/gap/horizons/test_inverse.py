@@ -215,6 +215,17 @@ def test_a_search_takes_cogging_that_the_torque_shows() -> None:
     assert found.joint.effects["cogging"]
 
 
+@pytest.mark.parametrize(("n", "alike"), [(100.0, ("gear_ripple",)), (1.0, ())])
+def test_a_direct_drive_has_no_gear_whose_ripple_its_cogging_could_be(
+    arm: JointFile, n: float, alike: tuple[str, ...]
+) -> None:
+    file = replace(arm, parameters=arm.parameters.replace(n=n, k_t=10.0 / n))
+    case = make_case([held_record(0, 0.05, cogging=1.0)], [], file, get_structure("rigid"))
+    seen = seen_in_torque(case.joint, case.logs)
+    told = told_by_torque(Judgement(case, "found", case.joint, ()), seen, (), alone=True)
+    assert [e.confusable_with for e in told if e.name == "cogging"] == [alike]
+
+
 def test_a_fast_stretch_does_not_hide_cogging_of_a_slow_one(arm: JointFile) -> None:
     record = held_record(0, 0.05, cogging=1.0)
     columns = {name: record[name].copy() for name in ("t", "q_m", "i")}
