@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.table import all_candidates
+from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.answer import allowed_by
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.recorded.setting import make_setting
@@ -171,6 +172,18 @@ def test_a_replay_far_off_is_a_gap_though_nothing_shows_the_load(
     found = diagnose(Record(columns, units, dt=1e-3, structure="rigid_gearbox"), sheet)
     assert found.verdict == verdict
     assert ("q_l" in found.suggestion.text) == (verdict == "unexplained")
+
+
+def test_a_wave_whose_frequency_stays_open_is_not_confirmed() -> None:
+    found = diagnose([log(columns(seconds=4.0))], mass(d_m=DAMPING), structure="rigid")
+    wave = replace(found.effects[0], name="cogging", status="confirmed", doubt="")
+    for half, status in ((0.02, "confirmed"), (0.09, "tentative")):
+        f = Interval(7.0, 7.0 * (1.0 - half), 7.0 * (1.0 + half), "1/rev")
+        (told,) = allowed_by(
+            replace(found, effects=(replace(wave, parameters={"f": f}),)), {}
+        ).effects
+        assert told.status == status
+        assert ("frequency" in told.doubt) == (status == "tentative")
 
 
 def test_dry_friction_is_not_confirmed_where_motion_in_one_direction_hides_an_offset() -> None:
