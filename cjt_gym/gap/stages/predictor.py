@@ -53,7 +53,8 @@ class Play:
     entry: Floats
 
 
-NO_PLAY = Backlash(np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)), np.zeros(0))
+NO_MATRIX = np.zeros((0, 0))
+NO_PLAY = Backlash(np.zeros(0), NO_MATRIX, NO_MATRIX, NO_MATRIX, np.zeros(0))
 
 
 def backlash(
@@ -148,7 +149,8 @@ def run_predictor(
         if letter == "m" and rubbing is not None:
             loads[:, row] += rubbing
     velocities = np.array([chain.velocity(body) for _, body in rough], dtype=np.int64)
-    system = Linear(*map(np.ascontiguousarray, (chain.a, g, forced, x0)), dt)
+    a, drive = np.ascontiguousarray(chain.a), np.ascontiguousarray(forced)
+    system = Linear(a, g, drive, x0, dt)
     if measured is None or k is None:
         y, valid = np.zeros((len(forced), 0)), np.zeros(len(forced), dtype=bool)
         seen = Measured(np.zeros((len(x0), 0)), np.zeros(0, dtype=np.int64), y, valid)
