@@ -186,6 +186,21 @@ def test_what_keeps_a_name_from_being_confirmed_is_told_once(explained: Diagnosi
     assert page(told, "gap").count("nothing shows it") == 2
 
 
+def test_panels_of_a_stage_are_announced_only_where_they_are(explained: Diagnosis) -> None:
+    known = explained.evidence.regimes
+    assert known
+    for regimes, panels, front in (
+        (known, True, True),
+        ({stage: (before, ()) for stage, (before, _) in known.items()}, True, False),
+        ({}, False, False),
+    ):
+        text = page(
+            replace(explained, evidence=replace(explained.evidence, regimes=regimes)), "gap"
+        )
+        assert ("Inside the" in text) == ("adds up to 100" in text) == panels
+        assert ("In front, what is left" in text) == front
+
+
 def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
     exam = explained.examination
     assert exam is not None
