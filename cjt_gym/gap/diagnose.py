@@ -49,6 +49,7 @@ from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.linear import check_inertias
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
+from cjt_gym.records.doubts import SLOW_LOG
 
 TAIL = 0.2
 """Final share of a record that is held out for the replay if there is no second record."""
@@ -105,6 +106,8 @@ def diagnose(
     if joint is None:
         check_one_joint([*given, *held])
     file, shape = _joint(first, joint, structure)
+    for record in (*given, *held):
+        _check_rate(record)
     exam = examine(given, file, shape)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
         raise RecordError(
@@ -135,6 +138,17 @@ def diagnose(
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
     return remarked(found, given, whole, shape)
+
+
+def _check_rate(record: Record) -> None:
+    """Refuse a record whose samples are too far apart to show a motion."""
+    dt = float(np.median(np.diff(record.t))) if len(record) > 1 else 0.0
+    if dt > SLOW_LOG:
+        raise RecordError(
+            f"{record.owner} must have a sample every {SLOW_LOG:g} s or more often to be "
+            f"diagnosed, got one every {dt:.3g} s. If its times are milliseconds, map t with "
+            "unit = 'ms'."
+        )
 
 
 def _asked(ask: Ask) -> Suggestion:

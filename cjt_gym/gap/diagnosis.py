@@ -17,7 +17,6 @@ from cjt_gym.records import Record, write_record
 SCHEMA = 1
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
-STRETCHED = "other values of the datasheet had to leave their tolerances beside it"
 MUCH_LEFT = "much stays unexplained beside it"
 """Doubts about an effect that the stages and the search have in common."""
 NOTHING_LEFT = "In every stage the rest is what noise and tolerances explain."

@@ -210,6 +210,14 @@ def test_too_short_a_record_is_refused(keep: slice, error: type[Exception]) -> N
         diagnose(record.slice(keep.start, keep.stop), nominal())
 
 
+def test_a_record_in_milliseconds_is_refused_with_what_to_map() -> None:
+    record = simulate(seconds=1.0)
+    columns = {name: record[name] for name in ("q_m", "i_cmd", "tau")}
+    slow = Record(columns, {"q_m": "rad", "i_cmd": "A", "tau": "N m"}, dt=1.0, structure=FIXED)
+    with pytest.raises(RecordError, match="one every 1 s. If its times are milliseconds, map t"):
+        diagnose(slow, nominal())
+
+
 def test_a_record_without_motor_angle_is_refused() -> None:
     record = simulate(seconds=1.0)
     kept = {"i": record["i"]}

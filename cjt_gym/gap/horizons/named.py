@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
-from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, STRETCHED, Interval, NamedEffect
+from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
@@ -204,6 +204,7 @@ def _named(
     slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
     delayed = term.name in LATE and judged.case.logs[0].drive != "i"
     mimicked = term.name in MIMICS and removed <= MUCH
+    strained = _strained(judged, term)
     endless = term.name == "stribeck" and not _levelled(found.fit, index)
     doubts = (
         (bool(alike), f"{' or '.join(alike)} may take its place"),
@@ -214,7 +215,7 @@ def _named(
         (endless, "nothing shows the level to which it falls"),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
-        (_is_strained(judged, term), STRETCHED),
+        (bool(strained), f"{' and '.join(strained)} had to leave its tolerance beside it"),
     )
     doubt = next((why for holds, why in doubts if holds), "")
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
@@ -244,18 +245,18 @@ def _is_overwhelming(judged: Judgement, index: int) -> bool:
     return clear and removed > MUCH
 
 
-def _is_strained(judged: Judgement, term: Term) -> bool:
-    """Return whether another datasheet value had to leave its stated tolerance."""
+def _strained(judged: Judgement, term: Term) -> list[str]:
+    """Return the other datasheet values that had to leave their stated tolerances."""
     assert judged.found is not None
     given = {t.key for t in judged.found.base.model.terms}
-    fit = judged.found.fit
+    fit, names = judged.found.fit, []
     for other, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
         stated = stated_tolerance(judged.case.joint, other) if other.key in given else None
         if stated and other.key != term.key:
             off = abs(float(np.log(values[0] / other.nominal[0])))
             if off > STRAINED * stated:
-                return True
-    return False
+                names.append(other.numbers[0].symbol)
+    return names
 
 
 def _bends_visibly(judged: Judgement, index: int) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.diagnosis import EVEN_CHANCE, STRETCHED, Interval, NamedEffect
+from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
 from cjt_gym.gap.judged.confidence import confidence
 from cjt_gym.gap.judged.confusable import best_rival, rivals
 from cjt_gym.gap.judged.gap_size import harms
@@ -82,7 +82,7 @@ def name_effects(
         elif not doubt and guessed:
             doubt = "a guess of the datasheet may be wrong instead"
         elif not doubt and strained:
-            doubt = STRETCHED
+            doubt = "other values of the datasheet had to leave their tolerances beside it"
         elif not doubt and chance < EVEN_CHANCE:
             doubt = "its evidence is weak"
         rows.append(

@@ -15,7 +15,7 @@ from cjt_gym.gap.horizons.fit import Fit, Problem, _updated
 from cjt_gym.gap.horizons.found import Found, worths_of
 from cjt_gym.gap.horizons.grow import added, leaves
 from cjt_gym.gap.horizons.model import Model, Term
-from cjt_gym.gap.horizons.named import _is_strained
+from cjt_gym.gap.horizons.named import _strained
 from cjt_gym.gap.horizons.rivals import rivals_of
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.search import _is_seen_throughout, pruned, search
@@ -179,8 +179,8 @@ def test_nothing_is_confirmed_beside_a_datasheet_value_that_is_strained(
     dry = {t.name: t for t in candidates(case.joint, scales, case.logs)}["coulomb"]
     fit = with_term(problem, base, dry)
     judged = judge_of.Judgement(case, "found", case.joint, (), Found(fit, base, (), (), ()))
-    assert _is_strained(judged, fit.model.terms[-1]) == strained
-    assert not _is_strained(judged, fit.model.terms[0]), "it is not strained by itself"
+    assert bool(_strained(judged, fit.model.terms[-1])) == strained
+    assert not _strained(judged, fit.model.terms[0]), "it is not strained by itself"
 
 
 def test_a_grid_of_many_guesses_is_searched_one_by_one() -> None:
