@@ -152,8 +152,8 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
     predictable = min(row.found, 1.0) ** 2 * row.left.share
     share = row.left.share
     text = (
-        f"{share:.0%} of the error of {row.channel} {_ahead(row)} ahead could be predicted from "
-        "speed, angle, input and the past, but no effect of the table explains it."
+        f"{share:.0%} of the squared error of {row.channel} {_ahead(row)} ahead could be predicted "
+        "from speed, angle, input and the past, but no effect of the table explains it."
     )
     return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
 
