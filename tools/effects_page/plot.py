@@ -13,13 +13,11 @@ class Plot:
     """A figure and the text that the effect table does not have.
 
     Attributes:
-        name: Name of the effect.
         equation: Its equation, one or more lines of LaTeX.
         caption: What the figure shows and what to see in it.
-        draw: Simulates and draws.
+        draw: Simulates and draws; has the name of the effect.
     """
 
-    name: str
     equation: str
     caption: str
     draw: Callable[[], Figure]

@@ -14,7 +14,6 @@ from tools.effects_page.figures import (
     signals,
     springs,
 )
-from tools.effects_page.plot import Plot
 
 _MODULES = (drive, motor, heat, friction, ripple, backlash, springs, sensors, signals, load)
-PLOTS: dict[str, Plot] = {plot.name: plot for module in _MODULES for plot in module.PLOTS}
+PLOTS = {plot.draw.__name__: plot for module in _MODULES for plot in module.PLOTS}

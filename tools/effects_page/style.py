@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from tools.effects_page.bench import Complexes, Floats, decibel, degrees, density
 
 WIDTH = 7.0  # inches, 672 px
 LARGEST = 60_000  # bytes of an SVG
@@ -82,8 +85,52 @@ def bode(height: float = 3.0) -> tuple[Figure, dict[str, Axes]]:
     axes["p"].set_xscale("log")
     axes["g"].sharex(axes["p"])
     axes["g"].tick_params(labelbottom=False)
-    axes["p"].set_xlabel("frequency [Hz]")
+    axes["g"].set_ylabel("gain [dB]")
+    label(axes["p"], "frequency [Hz]", "phase [deg]")
     return figure, axes
+
+
+def draw_response(
+    axes: dict[str, Axes],
+    law: tuple[Floats, Complexes],
+    found: tuple[Floats, Complexes],
+    color: str,
+    /,
+    **line: Any,
+) -> None:
+    """Draw a frequency response into the panels "g" and "p", as a line and as points.
+
+    Args:
+        axes: Panels.
+        law: Frequencies [Hz] and values of the line.
+        found: Frequencies [Hz] and values of the points.
+        color: Color of both.
+        **line: Style of the line.
+    """
+    for panel, of in ((axes["g"], decibel), (axes["p"], degrees)):
+        panel.plot(law[0], of(law[1]), **({"color": color, "lw": 0.9} | line))
+        panel.plot(found[0], of(found[1]), **POINTS, color=color)
+
+
+def draw_noise(axes: dict[str, Axes], x: Floats, std: float, dt: float, low: float) -> None:
+    """Draw the distribution of white noise into panel "b", and its density into "c".
+
+    Args:
+        axes: Panels.
+        x: Samples.
+        std: Their standard deviation.
+        dt: Sample time [s].
+        low: Lower end of the axis of the density.
+    """
+    y = np.linspace(-4.0, 4.0, 81)
+    axes["b"].hist(x / std, 40, density=True, color=BLUE, alpha=0.45)
+    axes["b"].plot(y, np.exp(-0.5 * y * y) / np.sqrt(2.0 * np.pi), **LAW)
+    label(axes["b"], "noise / std [-]", "density [-]", "normal")
+    f, power = density(x, dt, 1000)
+    axes["c"].loglog(f[::7], power[::7], **POINTS, color=BLUE)
+    axes["c"].axhline(2.0 * std * std * dt, **LAW)
+    axes["c"].set_ylim(low, 1e-3)
+    label(axes["c"], "frequency [Hz]", "density [N² m²/Hz]", "white: 2 std² dt")
 
 
 def label(axes: Axes, x: str, y: str, title: str = "", legend: Any = None) -> None:

@@ -85,7 +85,6 @@ def _harmonic(ratio: float) -> complex:
 
 PLOTS = (
     Plot(
-        "backlash",
         (
             r"\tau = k \max\left(|x - \mathrm{offset}| - \tfrac{1}{2} \mathrm{gap}, "
             r"0\right) \operatorname{sign}(x - \mathrm{offset}) + d\,\dot x \text{ in "

@@ -5,15 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from tools.effects_page.bench import (
-    Floats,
-    blocked,
-    decibel,
-    degrees,
-    density,
-    fourier,
-    joint,
-)
+from tools.effects_page.bench import Floats, blocked, degrees, fourier, joint
 from tools.effects_page.plot import Plot
 from tools.effects_page.style import (
     BLUE,
@@ -24,6 +16,8 @@ from tools.effects_page.style import (
     RED,
     SEQUENCE,
     bode,
+    draw_noise,
+    draw_response,
     label,
     mosaic,
 )
@@ -83,15 +77,11 @@ def current_lag() -> Figure:
         axes["a"].plot(1e3 * t[::4], _current(effects, command)[1][::4], color=color)
         law = 1.0 / (1.0 + 1j * fine / bandwidth)
         values = np.array([_transfer(effects, x, 1.0) for x in f])
-        for key, of in (("g", decibel), ("p", degrees)):
-            axes[key].plot(fine, of(law), color=color, lw=0.8)
-            axes[key].plot(f, of(values), **POINTS, color=color)
+        draw_response(axes, (fine, law), (f, values), color, lw=0.8)
         axes["a"].plot([], [], color=color, label=f"{bandwidth:g} Hz")
     label(axes["a"], "time [ms]", "current [A]", "step", "lower right")
     axes["g"].axhline(-3.01, color=GREY, lw=0.6)
     axes["g"].set_title("points simulated, lines 1 / (1 + j f / f_c)")
-    axes["g"].set_ylabel("gain [dB]")
-    axes["p"].set_ylabel("phase [deg]")
     return figure
 
 
@@ -227,35 +217,24 @@ def command_noise() -> Figure:
     axes["a"].step(1e3 * t[:60], torque[:60], color=BLUE, where="pre")
     axes["a"].axhline(5.0, **NOMINAL)
     label(axes["a"], "time [ms]", "motor torque [N m]", "command 5 N m")
-    x = np.linspace(-4.0, 4.0, 81)
-    axes["b"].hist((torque - 5.0) / std, 40, density=True, color=BLUE, alpha=0.45)
-    axes["b"].plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), **LAW)
-    label(axes["b"], "noise / std [-]", "density [-]", "normal")
-    f, power = density(torque - 5.0, dt, 1000)
-    axes["c"].loglog(f[::7], power[::7], **POINTS, color=BLUE)
-    axes["c"].axhline(2.0 * std * std * dt, **LAW)
-    axes["c"].set_ylim(1e-5, 1e-3)
-    label(axes["c"], "frequency [Hz]", "density [N² m²/Hz]", "white: 2 std² dt")
+    draw_noise(axes, torque - 5.0, std, dt, 1e-5)
     return figure
 
 
 PLOTS = (
     Plot(
-        "command_delay",
         r"i(t) = i_\mathrm{cmd}(t - T)",
         "Left: the current follows the command late. Right: the dead time costs no gain, but a "
         "phase that grows in proportion to frequency, which limits the bandwidth of any loop.",
         command_delay,
     ),
     Plot(
-        "current_lag",
         r"\dot i = 2 \pi f_c\,(i_\mathrm{cmd} - i)",
         "Left: step responses of the current loop. Right: first-order low pass; at the bandwidth "
         "the gain is -3 dB (grey line) and the phase -45 degrees.",
         current_lag,
     ),
     Plot(
-        "current_control",
         (
             r"v = k_t n\,\dot q_m + k_p e + k_i z, \quad \dot z = e = i_\mathrm{cmd} - "
             r"i, \quad k_p = \omega l_a, \quad k_i = \omega r, \quad \omega = 2 \pi f_c"
@@ -266,14 +245,12 @@ PLOTS = (
         current_control,
     ),
     Plot(
-        "current_saturation",
         r"|i| \le i_p",
         "Left: torque over commanded current, nominal and with half the peak current; simulated "
         "points on the clipped line. Right: a sine beyond the limit is flattened.",
         current_saturation,
     ),
     Plot(
-        "voltage_saturation",
         r"|r i + k_t n\,\dot q_m| \le v_0, \quad |i| \le i_p",
         "Left: torque-speed envelope. Up to the corner speed the current limits the torque, beyond "
         "it the back-EMF leaves less and less voltage; a supply that sags moves the corner inwards "
@@ -282,7 +259,6 @@ PLOTS = (
         voltage_saturation,
     ),
     Plot(
-        "current_rate_limit",
         r"|\dot i| \le \mathrm{rate}",
         "Left: a sine that asks for more than the rate becomes a triangle that lags. Right: gain "
         "of the first harmonic. It is one up to the onset f* = rate / (2 pi A), which depends on "
@@ -290,7 +266,6 @@ PLOTS = (
         current_rate_limit,
     ),
     Plot(
-        "command_quantization",
         (
             r"i = \Delta \left\lfloor \frac{i_\mathrm{cmd}}{\Delta} + \frac{1}{2} "
             r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
@@ -300,7 +275,6 @@ PLOTS = (
         command_quantization,
     ),
     Plot(
-        "command_noise",
         (
             r"\tau_m = k_t n\,i_\mathrm{cmd} + w_k, \quad w_k \sim N(0, \mathrm{std}^2) "
             r"\text{ for each control step}"

@@ -233,7 +233,6 @@ def load_coulomb() -> Figure:
 
 PLOTS = (
     Plot(
-        "coulomb",
         (
             r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0}, \quad \text{or } d_c "
             r"\operatorname{sign}(\dot q) \text{ with } \dot q_0 = 0 \text{ (set-valued "
@@ -246,7 +245,6 @@ PLOTS = (
         coulomb,
     ),
     Plot(
-        "coulomb_asym",
         (
             r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q \ge 0, "
             r"\quad d_{c,n} \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q < 0"
@@ -257,7 +255,6 @@ PLOTS = (
         coulomb_asym,
     ),
     Plot(
-        "viscous_asym",
         (
             r"\tau_f = d\,\dot q \text{ for } \dot q \ge 0, \quad d_n\,\dot q \text{ "
             r"for } \dot q < 0"
@@ -267,7 +264,6 @@ PLOTS = (
         viscous_asym,
     ),
     Plot(
-        "stribeck",
         (
             r"\tau_f = \left(d_c + d_s e^{-(\dot q / v_s)^2}\right) \tanh\frac{\dot "
             r"q}{\dot q_0}"
@@ -279,7 +275,6 @@ PLOTS = (
         stribeck,
     ),
     Plot(
-        "presliding",
         (
             r"\dot z = \dot q - \frac{\sigma |\dot q| z}{g(\dot q)}, \quad \tau_f = "
             r"\sigma z + \sigma_1 \dot z"
@@ -293,7 +288,6 @@ PLOTS = (
         presliding,
     ),
     Plot(
-        "load_friction",
         r"\tau_f = (d_c + \mu |\tau|) \tanh\frac{\dot q}{\dot q_0}",
         "Left: friction over the transmitted torque in steady motion, a V on top of the Coulomb "
         "level. Right: joint torque over motor torque in steady motion, forwards and backwards; "
@@ -303,7 +297,6 @@ PLOTS = (
     ),
 )
 LOAD_PLOT = Plot(
-    "load_coulomb",
     r"\tau_{f,l} = d_{cl} \tanh\frac{\dot q_l}{\dot q_0}",
     "Left: torque that the joint transmits to a load in steady motion, with and without viscous "
     "damping of the load. Right: a load that coasts loses speed in a straight line and stops at "

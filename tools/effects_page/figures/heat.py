@@ -71,7 +71,6 @@ def thermal_derating() -> Figure:
 
 PLOTS = (
     Plot(
-        "thermal_derating",
         (
             r"C_w \dot T_w = r (1 + a_\mathrm{CU} T_w)\,i^2 - \frac{T_w - "
             r"T_h}{r_{th1}}, \quad C_w = \frac{T_{thw}}{r_{th1}}"

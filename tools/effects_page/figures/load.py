@@ -11,8 +11,6 @@ from scipy.special import ellipk
 
 from tools.effects_page.bench import (
     Floats,
-    decibel,
-    degrees,
     density,
     fourier,
     joint,
@@ -31,6 +29,7 @@ from tools.effects_page.style import (
     RED,
     SEQUENCE,
     bode,
+    draw_response,
     label,
     mosaic,
 )
@@ -54,13 +53,9 @@ def load_inertia() -> Figure:
         axes["a"].plot(t[[0, -1]], 2.0 / (0.3017 + inertia) * t[[0, -1]], color=color, lw=0.9)
         values = response(joint(effects, FREE, I_l=MASS, d_g=6.0), f, period=4.0)
         law = model_response(joint({}, FREE, I_l=inertia, d_g=6.0), fine)
-        for key, of in (("g", decibel), ("p", degrees)):
-            axes[key].plot(fine, of(law), color=color, lw=0.9)
-            axes[key].plot(f, of(values), **POINTS, color=color)
+        draw_response(axes, (fine, law), (f, values), color)
     label(axes["a"], "time [s]", "speed [rad/s]", "run-up with 2 N m", "upper left")
     axes["g"].set_title("motor torque to joint torque")
-    axes["g"].set_ylabel("gain [dB]")
-    axes["p"].set_ylabel("phase [deg]")
     return figure
 
 
@@ -194,13 +189,9 @@ def load_motion() -> Figure:
     s = 2j * np.pi * fine
     passive = 0.3017 * s * s + 10.0036 * s
     impedance = -6000.0 * passive / (passive + 6000.0)
-    for key, of in (("g", decibel), ("p", degrees)):
-        axes[key].plot(fine, of(-impedance), **LAW)
-        axes[key].plot(f, of(-np.array(values)), **POINTS, color=BLUE)
+    draw_response(axes, (fine, -impedance), (f, -np.array(values)), BLUE, **LAW)
     axes["g"].set_title("resisting torque per angle, 0 dB = 1 N m/rad")
-    axes["g"].set_ylabel("gain [dB]")
     axes["g"].axhline(20.0 * np.log10(6000.0), **NOMINAL)
-    axes["p"].set_ylabel("phase [deg]")
     return figure
 
 
@@ -240,7 +231,6 @@ def human_torque() -> Figure:
 
 PLOTS = (
     Plot(
-        "load_inertia",
         r"I_l' \ddot q_l + d_l \dot q_l = \tau + \tau_l",
         "Left: run-up with the load. Right: a heavier load takes a larger share of the motor's "
         "torque and lowers the resonance of motor against load. Points are simulated, lines are "
@@ -249,14 +239,12 @@ PLOTS = (
     ),
     LOAD_PLOT,
     Plot(
-        "gravity",
         r"\tau_g = -\mathrm{torque} \cdot \sin(q_l - \mathrm{angle})",
         "Left: torque that carries the load through a slow turn, for two angles at which it hangs. "
         "Right: period of the free pendulum, on the elliptic integral; it grows with amplitude.",
         gravity,
     ),
     Plot(
-        "contact",
         (
             r"\tau_c = -k\,x^e \max(0, 1 + \mathrm{damping} \cdot \dot x), \quad x = "
             r"\max(0, q_l - \mathrm{position})"
@@ -268,7 +256,6 @@ PLOTS = (
         contact,
     ),
     Plot(
-        "load_motion",
         (
             r"q_l = q_{l,\mathrm{given}} + \mathrm{amplitude} \cdot \sin(2 \pi f t), "
             r"\quad f = \mathrm{frequency}"
@@ -279,7 +266,6 @@ PLOTS = (
         load_motion,
     ),
     Plot(
-        "human_torque",
         (
             r"\dot \tau_v = -2 \pi \cdot \mathrm{bandwidth} \cdot \tau_v + \text{white "
             r"noise}"

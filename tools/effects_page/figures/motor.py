@@ -8,15 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tools.effects_page.bench import (
-    blocked,
-    decibel,
-    degrees,
-    joint,
-    model_response,
-    response,
-    tones,
-)
+from tools.effects_page.bench import blocked, joint, model_response, response, tones
 from tools.effects_page.plot import Plot
 from tools.effects_page.style import (
     BLACK,
@@ -24,6 +16,7 @@ from tools.effects_page.style import (
     GREY,
     POINTS,
     bode,
+    draw_response,
     label,
     mosaic,
 )
@@ -86,12 +79,8 @@ def _two_responses(
     for color, of, parameters in ((GREY, {}, {}), (BLUE, effects, real)):
         values = response(joint(of), f, period=4.0)
         law = model_response(joint({}, **parameters), fine)
-        for key, what in (("g", decibel), ("p", degrees)):
-            axes[key].plot(fine, what(law), color=color, lw=0.9)
-            axes[key].plot(f, what(values), **POINTS, color=color)
+        draw_response(axes, (fine, law), (f, values), color)
     axes["g"].set_title("motor torque to joint torque")
-    axes["g"].set_ylabel("gain [dB]")
-    axes["p"].set_ylabel("phase [deg]")
     axes["p"].set_yticks([-180, -90, 0])
     return figure, axes
 
@@ -168,13 +157,9 @@ def gear_stiffness() -> Figure:
         axes["a"].plot(1e3 * twist, k * twist, color=color, lw=0.9)
         values = response(joint(effects, "output_fixed", d_mg=5.0), f, dt=2e-4)
         law = model_response(joint({}, "output_fixed", k_g=k, d_mg=5.0), fine)
-        for key, what in (("g", decibel), ("p", degrees)):
-            axes[key].plot(fine, what(law), color=color, lw=0.9)
-            axes[key].plot(f, what(values), **POINTS, color=color)
+        draw_response(axes, (fine, law), (f, values), color)
     label(axes["a"], "twist of the gear [mrad]", "joint torque [N m]", "static", "upper left")
     axes["g"].set_title("motor torque to joint torque")
-    axes["g"].set_ylabel("gain [dB]")
-    axes["p"].set_ylabel("phase [deg]")
     return figure
 
 
@@ -182,35 +167,30 @@ _SHIFT = "Points are simulated, lines are the linear model with that value."
 
 PLOTS = (
     Plot(
-        "torque_constant",
         (r"\tau_m = k_t' n\,i, \quad i_\mathrm{cmd} = \frac{\tau_\mathrm{cmd}}{k_t n}"),
         "Left: steady torque over current at blocked output; the slope is k_t n. Right: a "
         "commanded torque is missed by a constant share, whatever its size (grey: nominal).",
         torque_constant,
     ),
     Plot(
-        "torque_offset",
         r"\tau_m = k_t n\,i + \mathrm{torque}",
         "Left: characteristic shifted by the offset. Right: a free joint without command creeps to "
         "the speed torque / d; lines are the exponential law.",
         torque_offset,
     ),
     Plot(
-        "inertia",
         r"(I_m' + I_g)\,\ddot q + (d_m + d_g)\,\dot q + k_b q = \tau_m",
         "Left: a heavier rotor runs up more slowly. Right: it lowers the resonance and the "
         f"roll-off of torque transmission, with the same static gain. {_SHIFT}",
         inertia,
     ),
     Plot(
-        "damping",
         r"D' = \operatorname{diag}(d_m', d_g', d_l')",
         "Left: ringing after release and the envelope exp(-d t / (2 I)). Right: damping lowers the "
         f"peak and hardly moves it. {_SHIFT}",
         damping,
     ),
     Plot(
-        "stiffness",
         r"\tau = k_b' (q_g - q_l) + d_{gl} (\dot q_g - \dot q_l)",
         "Left: slope of torque over deflection. Right: the resonance moves with the square root of "
         f"the stiffness. A sensor that multiplies deflection by k_b would be wrong by the same "
@@ -218,7 +198,6 @@ PLOTS = (
         stiffness,
     ),
     Plot(
-        "gear_stiffness",
         r"\tau_\mathrm{gear} = k_g' (q_m - q_g) + d_{mg} (\dot q_m - \dot q_g)",
         "Left: wind-up of the gear. Right: two resonances, here with little damping d_mg; the "
         f"second, of the gear's inertia between its springs, moves most. {_SHIFT}",

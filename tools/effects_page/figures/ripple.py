@@ -145,7 +145,6 @@ def current_offset() -> Figure:
 
 PLOTS = (
     Plot(
-        "cogging",
         (
             r"\tau_c = \mathrm{scale} \cdot \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
             r"\sin(f_j q_m)\bigr)"
@@ -156,7 +155,6 @@ PLOTS = (
         cogging,
     ),
     Plot(
-        "gear_ripple",
         (
             r"\tau_c = \mathrm{scale} \cdot \tau \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
             r"\sin(f_j q_m)\bigr)"
@@ -166,7 +164,6 @@ PLOTS = (
         gear_ripple,
     ),
     Plot(
-        "commutation_ripple",
         (
             r"\tau_c = \mathrm{scale} \cdot k_t n\,i \sum_j \bigl(a_j \cos(f_j q_m) + "
             r"b_j \sin(f_j q_m)\bigr)"
@@ -176,7 +173,6 @@ PLOTS = (
         commutation_ripple,
     ),
     Plot(
-        "current_offset",
         r"\tau_c = k_t n \bigl(a \cos(p n q_m) + b \sin(p n q_m)\bigr)",
         "Left: ripple over three electrical periods, without torque (circles) and at 60 N m "
         "(squares). Right: one line at the electrical frequency p n, of amplitude "

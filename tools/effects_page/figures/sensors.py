@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cjt_gym.records import Record
-from tools.effects_page.bench import Floats, blocked, density, joint
+from tools.effects_page.bench import Floats, blocked, joint
 from tools.effects_page.plot import Plot
 from tools.effects_page.style import (
     BLUE,
@@ -16,6 +16,7 @@ from tools.effects_page.style import (
     POINTS,
     RED,
     SEQUENCE,
+    draw_noise,
     label,
     mosaic,
 )
@@ -113,15 +114,7 @@ def noise() -> Figure:
     axes["a"].plot(1e3 * record["t"][:150], x[:150], color=BLUE, lw=0.8)
     axes["a"].axhspan(-std, std, color=GREY, alpha=0.25, lw=0.0)
     label(axes["a"], "time [ms]", "measured torque [N m]", "joint at rest")
-    y = np.linspace(-4.0, 4.0, 81)
-    axes["b"].hist(x / std, 40, density=True, color=BLUE, alpha=0.45)
-    axes["b"].plot(y, np.exp(-0.5 * y * y) / np.sqrt(2.0 * np.pi), **LAW)
-    label(axes["b"], "noise / std [-]", "density [-]", "normal")
-    f, power = density(x, dt, 1000)
-    axes["c"].loglog(f[::7], power[::7], **POINTS, color=BLUE)
-    axes["c"].axhline(2.0 * std * std * dt, **LAW)
-    axes["c"].set_ylim(1e-6, 1e-3)
-    label(axes["c"], "frequency [Hz]", "density [N² m²/Hz]", "white: 2 std² dt")
+    draw_noise(axes, x, std, dt, 1e-6)
     return figure
 
 
@@ -248,40 +241,34 @@ def dropout() -> Figure:
 
 PLOTS = (
     Plot(
-        "torque_gain",
         r"\tau_\mathrm{meas} = \mathrm{gain} \cdot \tau",
         "Left: reading over true torque. Right: an error that is proportional to the torque.",
         torque_gain,
     ),
     Plot(
-        "torque_bias",
         r"\tau_\mathrm{meas} = \tau + \mathrm{bias}",
         "Left: reading over true torque. Right: an error that is the same at any torque.",
         torque_bias,
     ),
     Plot(
-        "sensor_gain",
         r"y_\mathrm{meas} = \mathrm{gain} \cdot y",
         "Error of the current and of the motor angle over their true values, on straight lines "
         "through zero; speeds are scaled with their angles.",
         sensor_gain,
     ),
     Plot(
-        "sensor_bias",
         r"y_\mathrm{meas} = y + \mathrm{bias}",
         "Current, motor angle and angle of the blocked output: each channel is shifted by its own "
         "bias. Shifted encoders shift a torque that is computed from deflection.",
         sensor_bias,
     ),
     Plot(
-        "noise",
         r"y_\mathrm{meas} = y + w_k, \quad w_k \sim N(0, \mathrm{std}^2)",
         "Left: torque of a joint at rest, with one standard deviation in grey. Middle: "
         "distribution with the normal law. Right: flat power spectral density, with 2 std^2 dt.",
         noise,
     ),
     Plot(
-        "drift",
         (
             r"b_{k+1} = b_k + \mathrm{drift} \sqrt{dt}\,w_k, \quad y_\mathrm{meas} = y "
             r"+ b"
@@ -292,7 +279,6 @@ PLOTS = (
         drift,
     ),
     Plot(
-        "quantization",
         (
             r"y_\mathrm{meas} = \Delta \left\lfloor \frac{y}{\Delta} + \frac{1}{2} "
             r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
@@ -302,7 +288,6 @@ PLOTS = (
         quantization,
     ),
     Plot(
-        "eccentricity",
         (
             r"q_\mathrm{meas} = q + e \sin(f q + \varphi), \quad \dot q_\mathrm{meas} = "
             r"\dot q \bigl(1 + e f \cos(f q + \varphi)\bigr)"
@@ -313,7 +298,6 @@ PLOTS = (
         eccentricity,
     ),
     Plot(
-        "dropout",
         (
             r"y_{\mathrm{meas},k} = y_{\mathrm{meas},k-1} \text{ with the given "
             r"probability}"

@@ -30,6 +30,7 @@ from tools.effects_page.style import (
     RED,
     SEQUENCE,
     bode,
+    draw_response,
     label,
     mosaic,
 )
@@ -46,15 +47,12 @@ def shaken(effects: Effects, f: Floats, amplitude: float = 1.0, dt: float = DT) 
     return blocked(bench, multisine(f, t, amplitude), dt)
 
 
-def measured_per_true(record: Record, channel: str, f: Floats) -> Complexes:
-    """Return the frequency response from a channel's true to its measured values."""
+def transfer(record: Record, output: str, source: str, f: Floats) -> Complexes:
+    """Return the frequency response from one column of a record to another."""
     last = slice(len(record["t"]) // 2, None)
     t = record["t"][last]
-    pairs = [
-        (fourier(record[channel][last], t, x), fourier(record[f"true_{channel}"][last], t, x))
-        for x in f
-    ]
-    return np.array([a / b for a, b in pairs])
+    y, u = ([fourier(record[name][last], t, x) for x in f] for name in (output, source))
+    return np.array(y) / np.array(u)
 
 
 def _step(delay: Effects) -> Record:
@@ -62,10 +60,13 @@ def _step(delay: Effects) -> Record:
     return blocked(joint(delay, **STIFF), np.where(t >= 4e-3, 20.0, 0.0))
 
 
-def _late_phase(axes: Axes, f: Floats, values: Complexes, delay: float, color: str) -> None:
+def _late_phase(
+    axes: Axes, record: Record, channel: str, f: Floats, delay: float, color: str, name: str
+) -> None:
     fine = np.linspace(f[0], f[-1], 60)
     axes.plot(fine, -360.0 * fine * delay, color=color, lw=0.8)
-    axes.plot(f, degrees(values), **POINTS, color=color, label=f"{1e3 * delay:g} ms")
+    values = transfer(record, channel, f"true_{channel}", f)
+    axes.plot(f, degrees(values), **POINTS, color=color, label=name)
 
 
 def torque_delay() -> Figure:
@@ -81,8 +82,8 @@ def torque_delay() -> Figure:
         axes["a"].plot(1e3 * t[t < 0.06][::4], tau[t < 0.06][::4], color=color, lw=0.8)
         if delay < 2e-3:
             axes["a"].plot(1e3 * true["t"][::4], tau[::4], **NOMINAL, label="true")
-        values = measured_per_true(shaken(effects, f), "tau", f)
-        _late_phase(axes["b"], f, values, delay, color)
+        name = f"{1e3 * delay:g} ms"
+        _late_phase(axes["b"], shaken(effects, f), "tau", f, delay, color, name)
     label(axes["a"], "time [ms]", "joint torque [N m]", "step, 1 kHz sampling", "lower right")
     label(axes["b"], "frequency [Hz]", "phase [deg]", "measured per true, line -360° f T")
     axes["b"].legend(loc="lower left", title="delay T")
@@ -100,11 +101,8 @@ def channel_delay() -> Figure:
     tau_m = multisine(f[::-1], t[:-1], 1.0)
     record = bench.simulate(tau_m, np.diff(angle) / DT, DT, dt_physics=1e-4)
     for color, channel, delay in ((BLUE, "q_m", 0.5e-3), (RED, "q_l", 1e-3)):
-        values = measured_per_true(record, channel, f)
-        fine = np.linspace(f[0], f[-1], 60)
-        axes["b"].plot(fine, -360.0 * fine * delay, color=color, lw=0.8)
         name = f"{channel}, {1e3 * delay:g} ms"
-        axes["b"].plot(f, degrees(values), **POINTS, color=color, label=name)
+        _late_phase(axes["b"], record, channel, f, delay, color, name)
     label(axes["b"], "frequency [Hz]", "phase [deg]", "measured per true", "lower left")
     speed = 2.0
     turn = joint(effects, d_m=0.0, d_g=0.0)
@@ -146,27 +144,11 @@ def measurement_delay() -> Figure:
     f = tones(4.0, 200.0, 16, 0.5)
     for color, delay in ((GREY, 0.0), (BLUE, 2e-3)):
         spec = {"measurement_delay": {"delay": delay}} if delay else {}
-        record = shaken(spec, f)
-        last = slice(len(record["t"]) // 2, None)
-        time = record["t"][last]
-        u = np.array([fourier(record["tau_cmd"][last], time, x) for x in f])
-        y = np.array([fourier(record["tau"][last], time, x) for x in f])
-        axes["g"].plot(f, decibel(y / u), color=color, marker="o", ms=3.0, lw=0.8)
-        axes["p"].plot(f, degrees(y / u), color=color, marker="o", ms=3.0, lw=0.8)
+        values = transfer(shaken(spec, f), "tau", "tau_cmd", f)
+        axes["g"].plot(f, decibel(values), color=color, marker="o", ms=3.0, lw=0.8)
+        axes["p"].plot(f, degrees(values), color=color, marker="o", ms=3.0, lw=0.8)
     axes["g"].set_title("command to measured torque, 0 and 2 ms")
-    axes["g"].set_ylabel("gain [dB]")
-    axes["p"].set_ylabel("phase [deg]")
     return figure
-
-
-def _filtered(
-    axes: dict[str, Axes], record: Record, channel: str, f: Floats, law: Complexes, color: str
-) -> None:
-    values = measured_per_true(record, channel, f)
-    fine = np.geomspace(f[0], f[-1], len(law))
-    for key, of in (("g", decibel), ("p", degrees)):
-        axes[key].plot(fine, of(law), color=color, lw=0.8)
-        axes[key].plot(f, of(values), **POINTS, color=color)
 
 
 def velocity_differentiation() -> Figure:
@@ -196,17 +178,9 @@ def velocity_differentiation() -> Figure:
         keep = np.exp(-2.0 * np.pi * cutoff * DT)
         law = (1.0 - z) / DT * (1.0 - keep) / (1.0 - keep * z) / (2j * np.pi * fine)
         record = shaken({"velocity_differentiation": {"cutoff": cutoff}}, f)
-        last = slice(len(record["t"]) // 2, None)
-        time = record["t"][last]
-        y = np.array([fourier(record["dq_m"][last], time, x) for x in f])
-        q = np.array([fourier(record["true_q_m"][last], time, x) for x in f])
-        values = y / q / (2j * np.pi * f)
-        for key, of in (("g", decibel), ("p", degrees)):
-            axes[key].plot(fine, of(law), color=color, lw=0.8)
-            axes[key].plot(f, of(values), **POINTS, color=color)
+        values = transfer(record, "dq_m", "true_q_m", f) / (2j * np.pi * f)
+        draw_response(axes, (fine, law), (f, values), color, lw=0.8)
     axes["g"].set_title("relative to an ideal derivative")
-    axes["g"].set_ylabel("gain [dB]")
-    axes["p"].set_ylabel("phase [deg]")
     return figure
 
 
@@ -224,27 +198,24 @@ def torque_filter() -> Figure:
         axes["a"].plot(1e3 * record["t"], record["tau"], color=color, label=f"{cutoff:g} Hz")
         keep = np.exp(-2.0 * np.pi * cutoff * DT)
         law = (1.0 - keep) / (1.0 - keep * z)
-        _filtered(axes, shaken(effects, f), "tau", f, law, color)
+        values = transfer(shaken(effects, f), "tau", "true_tau", f)
+        draw_response(axes, (fine, law), (f, values), color, lw=0.8)
         axes["g"].plot(fine, decibel(1.0 / (1.0 + 1j * fine / cutoff)), color=color, lw=0.8, ls=":")
         axes["p"].plot(fine, degrees(1.0 / (1.0 + 1j * fine / cutoff)), color=color, lw=0.8, ls=":")
     label(axes["a"], "time [ms]", "joint torque [N m]", "step of 20 N m", "lower right")
     axes["g"].axhline(-3.01, color=GREY, lw=0.6)
     axes["g"].set_title("measured per true torque")
-    axes["g"].set_ylabel("gain [dB]")
-    axes["p"].set_ylabel("phase [deg]")
     return figure
 
 
 PLOTS = (
     Plot(
-        "torque_delay",
         r"\tau_\mathrm{meas}(t) = \tau(t - T)",
         "Left: torque after a step; samples lie on the true torque shifted by the delay, also by a "
         "fraction of the sample. Right: phase from true to measured torque; the gain stays one.",
         torque_delay,
     ),
     Plot(
-        "channel_delay",
         (
             r"y_\mathrm{meas}(t) = y(t - T_y), \text{ for a velocity together with its "
             r"angle}"
@@ -255,7 +226,6 @@ PLOTS = (
         channel_delay,
     ),
     Plot(
-        "measurement_delay",
         r"y_\mathrm{meas}(t) = y(t - T) \text{ for all channels}",
         "Left: all channels are shifted by the same 2 ms. Right: command to measured torque with "
         "and without (grey) the delay; the gain is the same, the phase that a torque loop can use "
@@ -263,7 +233,6 @@ PLOTS = (
         measurement_delay,
     ),
     Plot(
-        "velocity_differentiation",
         (
             r"v_k = v_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) \left(\frac{q_k - "
             r"q_{k-1}}{dt} - v_{k-1}\right)"
@@ -274,7 +243,6 @@ PLOTS = (
         velocity_differentiation,
     ),
     Plot(
-        "torque_filter",
         r"y_k = y_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) (\tau_k - y_{k-1})",
         "Left: torque after a step. Right: gain and phase from true to measured torque; points are "
         "simulated, solid lines are the discrete filter, dotted the analog low pass, from which it "

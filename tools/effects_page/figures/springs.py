@@ -148,7 +148,6 @@ def spring_hysteresis() -> Figure:
 
 PLOTS = (
     Plot(
-        "hardening",
         r"\tau = k_b x + k_3 x^3 + d_{gl}\,\dot x, \quad x = q_g - q_l",
         "Left: torque over deflection. Right: forced response at blocked output; the resonance "
         "leans towards higher frequencies, and slow sweeps up and down jump at different "
@@ -157,7 +156,6 @@ PLOTS = (
         hardening,
     ),
     Plot(
-        "spring_table",
         (r"\tau = \mathrm{scale} \cdot T(x) + d_{gl}\,\dot x, \quad x = q_g - q_l"),
         "Left: a monotone cubic (PCHIP) through four measured points, which count for both "
         "directions; simulated, and the linear spring in grey. Right: its stiffness; beyond the "
@@ -165,7 +163,6 @@ PLOTS = (
         spring_table,
     ),
     Plot(
-        "spring_hysteresis",
         (
             r"\text{Bouc-Wen: } \tau = k_b x + \tau_h z, \quad \delta_h\,dz = dx - "
             r"\tfrac{1}{2} (|dx| z + dx |z|)"
