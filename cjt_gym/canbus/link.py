@@ -69,9 +69,6 @@ class Line(Protocol):
             HardwareError: The bus is lost.
         """
 
-    def close(self) -> None:
-        """Release the bus."""
-
 
 class Link(Line, Protocol):
     """A bus with its clock and a look at the loop."""
@@ -81,6 +78,9 @@ class Link(Line, Protocol):
 
         Whatever the loop does.
         """
+
+    def close(self) -> None:
+        """Release the bus."""
 
 
 @final

@@ -93,7 +93,6 @@ class Nodes:
         missed: Number of consecutive reports that may be missing.
         all: The drive, then the sensors.
         latest: Latest value of every channel, from the first node that reports it.
-        strange: Number of undecodable frames outside a run.
     """
 
     def __init__(self, config: HardwareConfig) -> None:
@@ -102,7 +101,6 @@ class Nodes:
         owed = config.missed + math.ceil(config.overrun / config.dt)
         self.all = [Node(settings, owed, config.overrun) for settings in config.nodes]
         self.latest: dict[str, Latest] = {}
-        self.strange = 0
         for node in self.all:
             for name in sorted(node.master.channels):
                 period = max(node.master.periods.get(name, config.dt), 1e-6)
@@ -137,7 +135,6 @@ class Nodes:
             try:
                 update = node.master.decode(message)
             except ProtocolError as error:
-                self.strange += 1
                 return Fault("corrupt", f"{node.name}: {error}", t)
             if update is None:
                 continue

@@ -128,9 +128,6 @@ class Tap:
         self.inbox.clear()
         return found
 
-    def close(self) -> None:
-        """Do nothing: the others still use the bus."""
-
 
 def _once(messages: Frames) -> Frames:
     """Return frames without those that are repeated later."""

@@ -35,11 +35,12 @@ class Timing:
 
     def summary(self) -> dict[str, Any]:
         """Return percentiles of each in microseconds; empty without samples."""
-        return {
-            name: {f"p{p:g}": round(float(value) * 1e6, 1) for p, value in _percentiles(values)}
-            for name, values in vars(self).items()
-            if len(values)
-        }
+        found: dict[str, Any] = {}
+        for name, values in vars(self).items():
+            if values:
+                each = zip(PERCENTILES, np.percentile(values, PERCENTILES).tolist(), strict=True)
+                found[name] = {f"p{p:g}": round(value * 1e6, 1) for p, value in each}
+        return found
 
     def delay(self, dt: float) -> dict[str, float]:
         """Return the delays of the loop, as values of the simulator's delay effects [s].
@@ -66,8 +67,3 @@ class Timing:
         way = min(0.5 * float(np.median(self.answers)), dt) if self.answers else 0.0
         times = {"command_delay.delay": self.lateness, "measurement_delay.delay": self.ages}
         return {name: np.array(values) + way for name, values in times.items()}
-
-
-def _percentiles(values: array[float]) -> list[tuple[float, float]]:
-    found = np.percentile(np.frombuffer(values), PERCENTILES)
-    return list(zip(PERCENTILES, found.tolist(), strict=True))
