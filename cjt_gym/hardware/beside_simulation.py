@@ -95,7 +95,8 @@ def side_by_side(
     def laws(record: Record) -> Controller:
         return law(tuple(record.provenance.get("designed_for_s", {}).items()))
 
-    rows = _rows(REAL, agent, conditions, {n: _traces(r) for n, r in records.items()})
+    real = {n: Traces.of_record(r, r["tau_cmd"]) for n, r in records.items()}
+    rows = _rows(REAL, agent, conditions, real)
     for joint in (None, *joints):
         simulated = {
             n: _simulated(agent, conditions, joint, r, None if policy else laws(r), seed)
@@ -103,13 +104,6 @@ def side_by_side(
         }
         rows += _rows(joint or NOMINAL, agent, conditions, simulated)
     return rows
-
-
-def _traces(record: Record) -> Traces:
-    """Return a record as an episode; sample k is the end of control step k."""
-    wanted, tau, command = (record[n][None, :] for n in ("tau_ref", "tau", "tau_cmd"))
-    ended = np.zeros((1, len(record) - 1), dtype=np.bool_)
-    return Traces(wanted[:, 1:], tau[:, 1:], tau[:, 1:], command[:, :-1], ended, record.dt)
 
 
 def _simulated(

@@ -85,14 +85,10 @@ class Evaluation:
 
     def pooled(self) -> Traces:
         """Return the episodes of all tasks as one batch."""
-        return pool(list(self.traces.values()))
-
-
-def pool(batches: Sequence[Traces]) -> Traces:
-    """Return the episodes of several batches of equal length as one."""
-    names = ("reference", "tau", "tau_measured", "command", "terminated")
-    arrays = {name: np.concatenate([getattr(b, name) for b in batches]) for name in names}
-    return Traces(dt=batches[0].dt, **arrays)
+        batches = list(self.traces.values())
+        names = ("reference", "tau", "tau_measured", "command", "terminated")
+        arrays = {name: np.concatenate([getattr(b, name) for b in batches]) for name in names}
+        return Traces(dt=batches[0].dt, **arrays)
 
 
 def check_episodes(episodes: int, seed: int) -> None:

@@ -7,7 +7,7 @@ explains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,7 +63,6 @@ def performance_gap(
     identified: Joint,
     agent: Agent,
     episodes: int = EPISODES,
-    seed: int = 0,
 ) -> PerformanceGap:
     """Run an agent in both joints against the reference of a record, and compare.
 
@@ -76,7 +75,6 @@ def performance_gap(
         identified: The joint with its effects.
         agent: A controller or a policy; see `make_agents`.
         episodes: How many in each joint.
-        seed: Which episodes.
 
     Raises:
         ConfigurationError: The record has no usable reference, or the policy another control step.
@@ -88,7 +86,7 @@ def performance_gap(
     for joint in (nominal, identified):
         arguments = _arguments(agent, joint, nominal, record, amplitude)
         scale = float(arguments["torque_amplitude"])
-        traces = run_episodes(agent, arguments, episodes, EVALUATION_SEEDS + seed)
+        traces = run_episodes(agent, arguments, episodes, EVALUATION_SEEDS)
         worlds.append(_performance(traces, scale))
     recorded, note = _recorded(record, nominal, agent, scale)
     removed = None
@@ -158,16 +156,8 @@ def _recorded(
     command = _command(record, nominal)
     if "tau" not in record or command is None or not np.isfinite(record["tau"]).all():
         return None, "The record lacks the joint torque tau or the command, or parts of them."
-    traces = Traces(
-        reference=record["tau_ref"][None, 1:],
-        tau=record["tau"][None, 1:],
-        tau_measured=record["tau"][None, 1:],
-        command=command[None, :-1],
-        terminated=np.zeros((1, len(record) - 1), dtype=np.bool_),
-        dt=record.dt,
-    )
     note = "" if made_by else "The record does not say with what it was made; taken for the same."
-    return _performance(traces, amplitude), note
+    return _performance(Traces.of_record(record, command), amplitude), note
 
 
 def _command(record: Record, nominal: Joint) -> Floats | None:
@@ -191,15 +181,13 @@ def _performance(traces: Traces, amplitude: float) -> Performance:
     )
 
 
-def rewards(
-    traces: Traces, amplitude: float, weights: Mapping[str, float] = REWARD_WEIGHTS
-) -> Floats:
+def rewards(traces: Traces, amplitude: float) -> Floats:
     """Return the reward of every step, as the environment computes it, shape (episodes, steps).
 
     It is scaled by the torque `amplitude` [N m]. The terms of safety are left out: a record does
     not end.
     """
-    u = traces.command / amplitude
+    u, weights = traces.command / amplitude, REWARD_WEIGHTS
     before = np.concatenate([np.zeros((len(u), 1)), u[:, :-1]], axis=1)
     total: Floats = -weights["tracking"] * np.abs(traces.error / amplitude)
     total -= weights["smoothness"] * (u - before) ** 2 + weights["effort"] * u**2

@@ -13,6 +13,7 @@ from cjt_gym.baselines import Controller
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import DQ_L, Q_L, TAU, Floats
+from cjt_gym.records import Record
 from cjt_gym.signals import Signal
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.evaluation.tasks import Rendering, Setting
@@ -32,6 +33,13 @@ class Traces:
     command: Floats  # motor torque commanded during the step [N m]
     terminated: NDArray[np.bool_]  # whether the episode passed a safety limit at that step
     dt: float  # control step [s]
+
+    @classmethod
+    def of_record(cls, record: Record, command: Floats) -> Traces:
+        """Return a record as an episode, with its commanded motor torque [N m]."""
+        wanted, tau = record["tau_ref"][None, 1:], record["tau"][None, 1:]
+        ended = np.zeros(tau.shape, dtype=np.bool_)
+        return cls(wanted, tau, tau, command[None, :-1], ended, record.dt)
 
     @property
     def t(self) -> Floats:
