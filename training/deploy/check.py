@@ -6,7 +6,7 @@ import ctypes
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 
@@ -43,17 +43,6 @@ double step(const double *reference, {parameters("double")}) {{
   return policy_step(&state, reference, {VALUES});
 }}
 """
-
-
-class AnyStepper(Protocol):
-    """Whatever computes a policy step by step."""
-
-    def reset(self) -> None:
-        """Forget the past."""
-
-    def step(self, *args: Any, **kwargs: Any) -> float:
-        """Return the motor torque to command [N m], for the reference and `MEASURED`."""
-        ...
 
 
 class CStepper:
@@ -108,7 +97,9 @@ def check(
     return Checked(steps, error, microseconds=1e6 * float(np.quantile(times, UNDISTURBED)))
 
 
-def _stepper(path: Path, target: str, header: str, layout: Layout) -> AnyStepper:
+def _stepper(
+    path: Path, target: str, header: str, layout: Layout
+) -> CStepper | OnnxStepper | Stepper:
     if target == "c":
         return CStepper(header, layout)
     if target == "onnx":

@@ -29,7 +29,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.settings import Settings
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.signals import Signal
+from cjt_gym.training.evaluation.conditions import zero_reference
 from cjt_gym.training.learning.config import TrainConfig
 from cjt_gym.training.learning.joint_families import arguments_of
 
@@ -90,9 +90,8 @@ def _listen(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float, Settings]:
     """Return deviations of observations and of the base's actions, and the torque's noise."""
     s = Episodes(1, **arguments).settings
-    still = Signal("file", amplitude=0.0, table=np.zeros((1, 2)))
     here = dict(arguments) | s.layout.scales() | {"history": s.layout.history}
-    here |= {"reference": still, "disturbance": None, "episode_steps": SETTLE + STEPS}
+    here |= {"reference": zero_reference(), "disturbance": None, "episode_steps": SETTLE + STEPS}
     episodes = Episodes(count, **here)
     episodes.seed(SEED, None)
     episodes.reset()

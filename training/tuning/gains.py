@@ -99,7 +99,7 @@ def choose(word: str | Path) -> Choice:
         plain = Choice(name.rpartition(":")[2], name)
         if not file:
             return plain
-        known = _read(file, name)
+        known = read_gains(file, name)
         return replace(known, name=f"{plain.name}{WITH}{known.name}", controller=name)
     if str(word).endswith(ENDING):
         return read_gains(word)
@@ -137,11 +137,6 @@ def write_gains(
     return path
 
 
-def read_gains(path: str | Path) -> Choice:
-    """Read a gain file."""
-    return _read(path, None)
-
-
 def _row(path: str | Path, controller: str, own: str | None) -> ControllerEntry:
     """Return the row whose gains a file holds."""
     if own is not None:
@@ -159,8 +154,8 @@ def _row(path: str | Path, controller: str, own: str | None) -> ControllerEntry:
         raise type(error)(f"{error} (controller of {path})") from None
 
 
-def _read(path: str | Path, own: str | None) -> Choice:
-    """Read a gain file, also one of your own controller."""
+def read_gains(path: str | Path, own: str | None = None) -> Choice:
+    """Read a gain file; one of your own controller, if `own` is its PATH.py:NAME."""
     file = Path(path)
     try:
         data = read_toml(file, ConfigurationError)
