@@ -49,7 +49,6 @@ class ModelPredictive(Controller):
     effort: float  # weight of the command against the torque, > 0 [-]
     drift: float  # of the Kalman filter, see `lqg_law`, > 0 [-]
     torque_limit: float  # largest motor torque that is commanded [N m]
-    horizon: int = HORIZON  # how many commands are planned
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -57,7 +56,6 @@ class ModelPredictive(Controller):
         check_sampling(self)
         check(self, "effort", "", above=0.0)
         check(self, "drift", "", above=0.0)
-        check(self, "horizon", "samples", above=0.0)
         self.linear = lqg.lqg_law(self.model, self.effort, self.drift)
         step = self.drift * float(self.model.loop.scatter[0])
         self._observer = kalman_filter(self.model, step, step)
@@ -67,7 +65,7 @@ class ModelPredictive(Controller):
 
     def _plan(self) -> None:
         """Write down the program: its Hessian, its slope per error, the answer without limits."""
-        plant, n = self.model.mechanics, self.horizon
+        plant, n = self.model.mechanics, HORIZON
         a, b, c = plant.a, plant.b, plant.row("tau")
         q = np.outer(c, c)
         p = solve_discrete_are(a, b[:, None], q, np.array([[self.effort]]))
@@ -110,15 +108,15 @@ class ModelPredictive(Controller):
     def _solve(self, error: Floats, shift: float) -> float:
         """Return the first command of the limited program, counted from the shift [N m]."""
         slope = self._slope @ error
-        low = np.full(self.horizon, -self.torque_limit - shift)
-        high = np.full(self.horizon, self.torque_limit - shift)
+        low = np.full(HORIZON, -self.torque_limit - shift)
+        high = np.full(HORIZON, self.torque_limit - shift)
         if self._solver is None:
             self._solver = _make_solver(self._hessian, slope, low, high)
         else:
             self._solver.update(q=slope, l=low, u=high)
         # The start is the same whatever was solved before, so that the answer is too.
         start = np.clip(self._free_answer @ error, low, high)
-        self._solver.warm_start(x=start, y=np.zeros(self.horizon))
+        self._solver.warm_start(x=start, y=np.zeros(HORIZON))
         answer = self._solver.solve(raise_error=False)
         return float(np.clip(answer.x[0], low[0], high[0]))
 
