@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,8 +23,6 @@ from cjt_gym.joint.arrays import TAU, Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.plant import Law, Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
-
-Reward = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
 
 
 class Episodes:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 
 BODIES = ("motor", "gear", "load")
 
@@ -94,7 +94,5 @@ def get_structure(name: str) -> Structure:
     Raises:
         UnknownNameError: There is none; the message suggests the nearest.
     """
-    try:
-        return STRUCTURES[name]
-    except KeyError:
-        raise unknown_name("structure", name, STRUCTURES) from None
+    check_name("structure", name, STRUCTURES)
+    return STRUCTURES[name]
