@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,15 @@ def test_every_joint_gets_its_own_command_at_the_same_time(tmp_path: Path) -> No
     assert "fault" not in record.provenance
 
 
+def run(arm: CanArm, act: Callable[[], object]) -> None:
+    """Let the joints push; something happens on the way."""
+    with arm:
+        for k in range(100):
+            arm.step(np.full(4, 5.0))
+            if k == 60:
+                act()
+
+
 @pytest.mark.parametrize("culprit", range(4))
 def test_fault_of_one_takes_the_torque_of_all_away(culprit: int, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
@@ -74,16 +84,9 @@ def test_fault_of_one_takes_the_torque_of_all_away(culprit: int, tmp_path: Path)
     zero = [float("nan")] * 4
     for k, one in enumerate(emulated.emulators):
         one.torque_changed = lambda t, torque, k=k: zero.__setitem__(k, t)  # type: ignore[misc]
-
-    def run() -> None:
-        with arm:
-            for k in range(100):
-                arm.step(np.full(4, 5.0))
-                if k == 60:
-                    emulated.emulators[culprit].drive.fail(DriveFault.OVER_CURRENT)
-
+    fail = emulated.emulators[culprit].drive.fail
     with pytest.raises(HardwareFault, match=f"joint_{culprit}") as caught:
-        run()
+        run(arm, lambda: fail(DriveFault.OVER_CURRENT))
     assert emulated.torques == [0.0] * 4
     assert max(zero) - min(zero) <= 0.1 + 2.0 * arm.dt  # an ODrive says it in its heartbeat
     record = read_record(path)
@@ -190,16 +193,8 @@ def _late(arm: CanArm, link: VirtualLink, emulated: EmulatedArm) -> None:
 @pytest.mark.parametrize("act", [_command, _exception, _bus_off, _dead, _late])
 def test_whatever_goes_wrong_no_torque_is_left_within_the_watchdog(act: Any) -> None:
     arm, emulated, link = armed()
-
-    def run() -> None:
-        with arm:
-            for k in range(100):
-                arm.step(np.full(4, 5.0))
-                if k == 60:
-                    act(arm, link, emulated)
-
     with pytest.raises((HardwareFault, KeyboardInterrupt)):
-        run()
+        run(arm, lambda: act(arm, link, emulated))
     emulated.advance(emulated.now + 2.0 * arm.dt)
     assert emulated.torques == [0.0] * 4
     assert all(joint.state is State.FAULT for joint in arm.joints)

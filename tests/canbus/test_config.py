@@ -8,6 +8,7 @@ import pytest
 
 from cjt_gym.canbus.config import load_hardware, parse_hardware
 from cjt_gym.canbus.emulator import emulated_joint
+from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import load_joint, to_toml
 from cjt_gym.joint.build import file_of
@@ -68,13 +69,7 @@ def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
 )
 def test_mistakes_are_named(changes: dict[str, Any], text: str) -> None:
     with pytest.raises(CjtGymError, match=text):
-        _ = _sensed(changes)
-
-
-def _sensed(changes: dict[str, Any]) -> object:
-    from cjt_gym.canbus.plant import CanPlant
-
-    return CanPlant(config(**changes))
+        CanPlant(config(**changes))
 
 
 def test_missing_tables_and_files_are_named(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from cjt_gym.plant import Measurement
 from cjt_gym.records import Record, read_record
 from cjt_gym.training.evaluation.after_diagnosis import recorded_law
 from cjt_gym.training.tuning.gains import write_gains
-from tests.canbus.bench import config, document, toml
+from tests.canbus.bench import config, document, toml, virtual_plant
 
 CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")
 FIXED = "output_fixed_rigid_gearbox"
@@ -177,11 +177,7 @@ def test_what_changes_slowly_may_be_seconds_old_and_what_moves_may_not() -> None
 
 
 def test_a_temperature_that_is_lost_now_and_then_ends_no_run() -> None:
-    given = config(drive=ASKED)
-    emulator = Emulator(given)
-    plant = CanPlant(given, VirtualLink(emulator))
-    plant.connect()
-    plant.arm()
+    plant, emulator = virtual_plant(config(drive=ASKED))
     plant.reset()
     temperature = 1 << 5 | 0x15
     emulator.tamper = lambda m, node, t: [] if m.arbitration_id == temperature else [m]

@@ -15,7 +15,7 @@ from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.nodes import SPARE, Nodes
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.protocols.contract import Mode
-from cjt_gym.canbus.safety import FAULTS, MOVES, Guard, HardwareFault, State
+from cjt_gym.canbus.safety import MOVES, Guard, HardwareFault, State
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.errors import ConfigurationError, HardwareError, RecordError
@@ -161,10 +161,6 @@ def test_a_record_does_not_overwrite_the_configuration_of_its_run(
         write_record(config().joint.simulate(np.zeros(10), dt=1e-3), given.with_suffix(suffix))
     assert given.read_text() == toml(document())
     assert list(tmp_path.iterdir()) == [given]
-
-
-def test_every_fault_is_described() -> None:
-    assert all(text for text in FAULTS.values())
 
 
 def test_a_silent_node_is_named() -> None:

@@ -15,7 +15,7 @@ from cjt_gym.cli import main
 from cjt_gym.errors import RecordError
 from cjt_gym.records import read_log, read_record
 from tests.canbus.bench import document, toml
-from tests.canbus.protocols.line import DRIVES, Line, settings_for
+from tests.canbus.protocols.line import DRIVES, Line, settings_for, started
 
 SAMPLES = 300
 PERIOD = 2e-3
@@ -70,19 +70,17 @@ def check(records: Any, late: int = 1) -> None:
     assert np.nanmedian(np.abs(record["tau"])) > 0.1
 
 
-@pytest.mark.parametrize("name", sorted(DRIVES))
-def test_a_trace_through_each_protocol(tmp_path: Path, name: str) -> None:
-    recorded(tmp_path / "run.log", name)
-    records, repairs = read_trace(tmp_path / "run.log", nodes(name))
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [(name, ".log") for name in sorted(DRIVES)] + [("odrive", suffix) for suffix in SUFFIXES[1:]],
+)
+def test_a_trace_through_each_protocol_and_of_every_kind(
+    tmp_path: Path, name: str, suffix: str
+) -> None:
+    recorded(tmp_path / f"run{suffix}", name)
+    records, repairs = read_trace(tmp_path / f"run{suffix}", nodes(name))
     check(records)
     assert not [each for each in repairs if each.kind == "unreadable"]
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_every_kind_of_trace(tmp_path: Path, suffix: str) -> None:
-    recorded(tmp_path / f"run{suffix}", "odrive")
-    records, _ = read_trace(tmp_path / f"run{suffix}", nodes("odrive"))
-    check(records)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -90,8 +88,7 @@ def test_a_trace_with_its_dbc_file_is_a_log_like_any_other(tmp_path: Path, suffi
     data = files("cjt_gym.canbus.protocols") / "data"
     (tmp_path / "bus.dbc").write_text((data / "example_drive.dbc").read_text())
     (tmp_path / "run.map.toml").write_text((data / "example_drive.map.toml").read_text())
-    line = Line(settings_for("dbc"), "dbc")
-    line.start()
+    line = started("dbc")
     with can.Logger(tmp_path / f"run{suffix}") as logger:
         for k in range(SAMPLES):
             line.show(joint(k))

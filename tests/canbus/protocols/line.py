@@ -1,6 +1,8 @@
 """A master and a firmware on one line, without bus, clock or threads."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -8,6 +10,7 @@ from can import Message
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
 from cjt_gym.canbus.protocols.contract import Limits, Mode, Settings, Step, Update
+from cjt_gym.errors import ProtocolError
 
 NODE = 3
 WATCHDOG = 0.05
@@ -82,6 +85,18 @@ class Line:
         """Let the joint have other values."""
         self.joint = dict(joint)
 
+    def survive(self, frame: Message) -> None:
+        """Hand any frame to both ends: it means something, or is one clear error."""
+        with suppress(ProtocolError):
+            update = self.master.decode(frame)
+            assert update is None or set(update.channels) <= self.master.channels
+        with suppress(ProtocolError):
+            self.master.commanded(frame)
+        for answer in self.firmware.receive(frame, self.now):
+            assert isinstance(answer, Message)
+        self.firmware.update(self.joint, self.now)
+        assert math.isfinite(self.firmware.torque)
+
     def _confirmed(self, step: Step) -> bool:
         heard = self.send(step.frames)
         if step.confirmed is None:
@@ -107,3 +122,10 @@ class Line:
             update = self.master.decode(frame)
             if update is not None:
                 yield update
+
+
+def started(name: str, **more: Any) -> Line:
+    """Return both ends of a protocol with the drive enabled; more are settings of the drive."""
+    line = Line(settings_for(name, **more), name)
+    line.start()
+    return line

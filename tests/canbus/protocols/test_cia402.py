@@ -10,15 +10,14 @@ from typing import Any
 import can
 import canopen
 import pytest
-from can import Message
 from canopen.profiles.p402 import BaseNode402
 
 from cjt_gym.canbus.protocols import PROTOCOLS
 from cjt_gym.canbus.protocols.cia402_firmware import Cia402Firmware
 from cjt_gym.canbus.protocols.cia402_objects import OBJECTS, State, object_dictionary, state_of
-from cjt_gym.canbus.protocols.contract import Fault, Mode, Step
+from cjt_gym.canbus.protocols.contract import Fault, Mode, Step, frame_of
 from cjt_gym.errors import ConfigurationError, ProtocolError
-from tests.canbus.protocols.line import Line, settings_for
+from tests.canbus.protocols.line import Line, settings_for, started
 
 
 def steps() -> dict[str, Step]:
@@ -62,8 +61,7 @@ def test_states_of_the_profile(word: int, state: int) -> None:
 
 
 def test_configuration_as_canopen_reads_it() -> None:
-    line = Line(settings_for("cia402"), "cia402")
-    line.start()
+    line = started("cia402")
     assert isinstance(line.firmware, Cia402Firmware)
     node = line.firmware._node
     node.tpdo.read()
@@ -167,11 +165,7 @@ def test_the_profile_of_canopen_drives_our_drive() -> None:
 def test_a_drive_with_another_rated_torque_is_refused() -> None:
     line = Line(settings_for("cia402"), "cia402")
     line.firmware.receive(
-        Message(
-            arbitration_id=0x603,
-            is_extended_id=False,
-            data=bytes.fromhex("23 76 60 00 20 03 00 00"),
-        ),
+        frame_of(0x603, bytes.fromhex("23 76 60 00 20 03 00 00")),
         0.0,
     )
     with pytest.raises(ProtocolError, match="Rated torque of drive 3 must be 100 mN m .* has 800"):
@@ -181,9 +175,7 @@ def test_a_drive_with_another_rated_torque_is_refused() -> None:
 def test_what_the_drive_refuses_is_told_in_words() -> None:
     step = steps()["Write Mode of operation"]
     assert step.confirmed is not None
-    abort = Message(
-        arbitration_id=0x583, is_extended_id=False, data=bytes.fromhex("80 60 60 00 11 00 09 06")
-    )
+    abort = frame_of(0x583, bytes.fromhex("80 60 60 00 11 00 09 06"))
     with pytest.raises(ProtocolError, match="Mode of operation: drive 3 refuses it"):
         step.confirmed(abort)
 
@@ -191,27 +183,25 @@ def test_what_the_drive_refuses_is_told_in_words() -> None:
 def test_an_emergency_is_a_fault() -> None:
     master = PROTOCOLS["cia402"].master(settings_for("cia402"))
     data = bytes.fromhex("10 23 01 00 00 00 00 00")
-    update = master.decode(Message(arbitration_id=0x083, is_extended_id=False, data=data))
+    update = master.decode(frame_of(0x083, data))
     assert update is not None
     assert (update.mode, update.error) == (Mode.FAULT, 0x2310)
 
 
 def test_leaving_operational_ends_the_torque() -> None:
-    line = Line(settings_for("cia402"), "cia402")
-    line.start()
+    line = started("cia402")
     line.send(line.master.command(0.5))
-    line.send([Message(arbitration_id=0, is_extended_id=False, data=bytes([0x02, 3]))])
+    line.send([frame_of(0, bytes([0x02, 3]))])
     assert line.firmware.torque == 0.0
     assert line.firmware.mode is Mode.FAULT
 
 
 def test_no_torque_in_another_mode_of_operation() -> None:
-    line = Line(settings_for("cia402"), "cia402")
-    line.start()
+    line = started("cia402")
     line.send(line.master.command(0.5))
     assert line.firmware.torque == pytest.approx(0.5)
     velocity = bytes.fromhex("2f 60 60 00 09 00 00 00")
-    line.send([Message(arbitration_id=0x603, is_extended_id=False, data=velocity)])
+    line.send([frame_of(0x603, velocity)])
     assert line.firmware.torque == 0.0
 
 

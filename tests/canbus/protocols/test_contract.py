@@ -2,7 +2,6 @@
 
 import math
 import random
-from contextlib import suppress
 
 import pytest
 from can import Message
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 from cjt_gym.canbus.protocols import PROTOCOLS, protocol_of, settings_of
 from cjt_gym.canbus.protocols.contract import CHANNELS, Fault, Limits, Mode, Update
 from cjt_gym.errors import ConfigurationError, ProtocolError, UnknownNameError
-from tests.canbus.protocols.line import DRIVES, Line, settings_for
+from tests.canbus.protocols.line import DRIVES, Line, settings_for, started
 
 JOINT = {
     "q_m": 0.7,
@@ -36,8 +35,7 @@ def test_the_tests_know_the_protocol(name: str) -> None:
 
 @every_protocol
 def test_a_command_arrives_and_the_reports_come_back(name: str) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     line.show(JOINT)
     low, high = line.master.torque_range
     torque = 0.4 * min(high, 20.0)
@@ -52,8 +50,7 @@ def test_a_command_arrives_and_the_reports_come_back(name: str) -> None:
 
 @every_protocol
 def test_reports_come_as_often_as_promised(name: str) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     period = round(line.settings.period / 1e-3)
     counts = dict.fromkeys(line.master.channels, 0)
     for _ in range(500):
@@ -69,8 +66,7 @@ def test_reports_come_as_often_as_promised(name: str) -> None:
 
 @every_protocol
 def test_disabling_needs_no_answer(name: str) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     line.send(line.master.command(0.5))
     line.send(line.master.disable())
     assert line.firmware.mode is Mode.DISABLED
@@ -92,8 +88,7 @@ def test_nothing_but_enabling_makes_torque(name: str) -> None:
 
 @every_protocol
 def test_the_drive_stops_by_itself_where_the_master_is_silent(name: str) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     line.pass_time(0.02, lambda: line.master.command(0.5))
     assert line.firmware.torque != 0.0
     line.pass_time(line.settings.watchdog + 2e-3)
@@ -102,8 +97,7 @@ def test_the_drive_stops_by_itself_where_the_master_is_silent(name: str) -> None
 
 @every_protocol
 def test_polling_does_not_keep_the_torque_alive(name: str) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     line.pass_time(0.02, lambda: line.master.command(0.5))
     line.pass_time(line.settings.watchdog + 0.01, line.master.poll)
     assert line.firmware.torque == 0.0
@@ -112,8 +106,7 @@ def test_polling_does_not_keep_the_torque_alive(name: str) -> None:
 @every_protocol
 @pytest.mark.parametrize("fault", Fault)
 def test_a_fault_is_seen_and_can_be_cleared(name: str, fault: Fault) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     line.firmware.fail(fault)
     line.pass_time(0.15, lambda: line.master.command(0.5))
     assert line.firmware.torque == 0.0
@@ -153,8 +146,7 @@ def test_a_torque_that_is_none_is_refused(name: str, bad: float) -> None:
 @given(share=st.floats(-1.0, 1.0))
 @settings(max_examples=30, deadline=None)
 def test_torques_over_the_whole_range_arrive(name: str, share: float) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     high = min(line.master.torque_range[1], 1e4)
     frames = line.master.command(share * high)
     line.send(frames)
@@ -167,8 +159,7 @@ def test_torques_over_the_whole_range_arrive(name: str, share: float) -> None:
 @given(q=st.floats(-0.1, 0.1), dq=st.floats(-0.1, 0.1), tau=st.floats(-0.2, 0.2))
 @settings(max_examples=20, deadline=None)
 def test_values_of_the_joint_come_back(name: str, q: float, dq: float, tau: float) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     line.show({**JOINT, "q_m": q, "dq_m": dq, "tau_m": tau})
     line.pass_time(0.02, lambda: line.master.command(0.0))
     assert line.channels["q_m"] == pytest.approx(q, abs=2e-3)
@@ -194,22 +185,12 @@ def random_frame(rng: random.Random, likely: list[int], fd: bool) -> Message:
 
 @every_protocol
 def test_random_frames_bring_values_or_one_clear_error(name: str) -> None:
-    line = Line(settings_for(name), name)
-    line.start()
+    line = started(name)
     line.pass_time(0.2, lambda: line.master.command(0.1))
     likely = sorted({frame.arbitration_id for frame in line.sent + line.heard})
     rng = random.Random(4)
     for _ in range(4000):
-        frame = random_frame(rng, likely, PROTOCOLS[name].fd)
-        with suppress(ProtocolError):
-            update = line.master.decode(frame)
-            assert update is None or set(update.channels) <= line.master.channels
-        with suppress(ProtocolError):
-            line.master.commanded(frame)
-        for answer in line.firmware.receive(frame, line.now):
-            assert isinstance(answer, Message)
-        line.firmware.update(line.joint, line.now)
-        assert math.isfinite(line.firmware.torque)
+        line.survive(random_frame(rng, likely, PROTOCOLS[name].fd))
 
 
 @every_protocol

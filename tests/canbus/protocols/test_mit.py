@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from motor_driver import canmotorlib
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
-from cjt_gym.canbus.protocols.contract import Mode
+from cjt_gym.canbus.protocols.contract import Mode, frame_of
 from cjt_gym.canbus.protocols.mit import MODELS, MitMaster, command_layout
 from cjt_gym.canbus.protocols.mit_firmware import MitFirmware
 from cjt_gym.errors import ConfigurationError, ProtocolError
@@ -60,9 +60,7 @@ def test_all_fields_of_a_command_lie_where_the_manual_puts_them() -> None:
 
 
 def test_a_reply_of_eight_bytes() -> None:
-    reply = Message(
-        arbitration_id=0, is_extended_id=False, data=bytes.fromhex("01 8000 80 0c 00 2a 00")
-    )
+    reply = frame_of(0, bytes.fromhex("01 8000 80 0c 00 2a 00"))
     update = master().decode(reply)
     assert update is not None
     assert update.channels["q_m"] == pytest.approx(0.5 * 25 / 65535)
@@ -73,7 +71,7 @@ def test_a_reply_of_eight_bytes() -> None:
 
 
 def test_a_reply_of_six_bytes_needs_its_option() -> None:
-    reply = Message(arbitration_id=0, is_extended_id=False, data=bytes.fromhex("01 8000 80 0c 00"))
+    reply = frame_of(0, bytes.fromhex("01 8000 80 0c 00"))
     with pytest.raises(ProtocolError, match="must have 8 bytes, got 6.*reply_bytes"):
         master().decode(reply)
     update = master(reply_bytes=6).decode(reply)
@@ -82,16 +80,12 @@ def test_a_reply_of_six_bytes_needs_its_option() -> None:
 
 
 def test_replies_of_other_drives_are_not_taken() -> None:
-    reply = Message(
-        arbitration_id=0, is_extended_id=False, data=bytes.fromhex("02 8000 80 0c 00 2a 00")
-    )
+    reply = frame_of(0, bytes.fromhex("02 8000 80 0c 00 2a 00"))
     assert master().decode(reply) is None
 
 
 def test_the_end_of_a_range_is_no_value() -> None:
-    reply = Message(
-        arbitration_id=0, is_extended_id=False, data=bytes.fromhex("01 ffff 00 0f ff 2a 00")
-    )
+    reply = frame_of(0, bytes.fromhex("01 ffff 00 0f ff 2a 00"))
     update = master().decode(reply)
     assert update is not None
     assert update.channels["q_m"] != update.channels["q_m"]
@@ -103,10 +97,10 @@ def test_gains_of_another_master_are_obeyed() -> None:
     firmware = MitFirmware(settings_of(PROTOCOLS["mit"], {"node": 1}))
     firmware.boot(0.0)
     layout = command_layout(MODELS["AK80-9"])
-    enter = Message(arbitration_id=1, is_extended_id=False, data=bytes.fromhex("ff" * 7 + "fc"))
+    enter = frame_of(1, bytes.fromhex("ff" * 7 + "fc"))
     stiff = layout.encode({"position": 0.1, "kp": 50.0, "kd": 1.0})
     firmware.receive(enter, 0.0)
-    firmware.receive(Message(arbitration_id=1, is_extended_id=False, data=stiff), 0.0)
+    firmware.receive(frame_of(1, stiff), 0.0)
     assert firmware.torque == pytest.approx(5.0, abs=0.1)
     firmware.update({"q_m": 0.1, "dq_m": 1.0}, 0.001)
     assert firmware.torque == pytest.approx(-1.0, abs=0.1)
@@ -135,7 +129,7 @@ class Wire:
 
     def send(self, packed: bytes) -> None:
         identifier, _, data = struct.unpack("=IB3x8s", packed)
-        self.heard.append(Message(arbitration_id=identifier, is_extended_id=False, data=data))
+        self.heard.append(frame_of(identifier, data))
         self.answers += self.firmware.receive(self.heard[-1], 0.0)
 
     def recvfrom(self, size: int) -> tuple[bytes, None]:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
-from cjt_gym.canbus.protocols.contract import Fault, Mode
+from cjt_gym.canbus.protocols.contract import Fault, Mode, frame_of
 from cjt_gym.canbus.protocols.moteus import MoteusMaster
 from cjt_gym.canbus.protocols.moteus_firmware import MoteusFirmware
 from cjt_gym.canbus.protocols.moteus_registers import (
@@ -41,12 +41,8 @@ def client(node: int = 1) -> moteus.Controller:
 
 
 def frame_of_client(command: Any) -> Message:
-    return Message(
-        arbitration_id=0x8000 | command.source << 8 | 1,
-        is_extended_id=True,
-        is_fd=True,
-        data=pad(bytes(command.data)),
-    )
+    identifier = 0x8000 | command.source << 8 | 1
+    return frame_of(identifier, pad(bytes(command.data)), extended=True, fd=True)
 
 
 def test_the_documents_example_of_a_command() -> None:
@@ -61,12 +57,7 @@ def test_the_documents_example_of_a_command() -> None:
 
 
 def test_the_documents_example_of_a_reply() -> None:
-    reply = Message(
-        arbitration_id=0x100,
-        is_extended_id=False,
-        is_fd=True,
-        data=bytes.fromhex("2404000a005000000170ff230d181400"),
-    )
+    reply = frame_of(0x100, bytes.fromhex("2404000a005000000170ff230d181400"), fd=True)
     update = MoteusMaster(settings()).decode(reply)
     assert update is not None
     assert update.channels["q_m"] == pytest.approx(2.88 * tau / 360)
@@ -186,9 +177,7 @@ def test_a_drive_with_a_fault_refuses_to_run() -> None:
 
 def test_a_limiting_code_is_no_fault() -> None:
     data = subframe(REPLY, INT8, 0x000, [10]) + subframe(REPLY, INT8, 0x00F, [99])
-    update = MoteusMaster(settings()).decode(
-        Message(arbitration_id=0x100, is_extended_id=False, is_fd=True, data=pad(data))
-    )
+    update = MoteusMaster(settings()).decode(frame_of(0x100, pad(data), fd=True))
     assert update is not None
     assert (update.mode, update.error) == (Mode.ENABLED, 0)
 

@@ -6,17 +6,16 @@ from typing import Any
 
 import cantools
 import pytest
-from can import Message
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
-from cjt_gym.canbus.protocols.contract import Fault, Mode
+from cjt_gym.canbus.protocols.contract import Fault, Mode, frame_of
 from cjt_gym.canbus.protocols.odrive import OdriveMaster
 from cjt_gym.canbus.protocols.odrive_firmware import OdriveFirmware
 from cjt_gym.canbus.protocols.odrive_messages import ERRORS, ERRORS_05, IN_05, MESSAGES
 from cjt_gym.errors import ConfigurationError, ProtocolError
-from tests.canbus.protocols.line import Line, settings_for
+from tests.canbus.protocols.line import Line, settings_for, started
 
 
 @cache
@@ -95,7 +94,7 @@ def test_a_heartbeat_by_the_dbc_is_understood() -> None:
         "Trajectory_Done_Flag": 0,
     }
     data = message_of("Heartbeat").encode(values)
-    update = master.decode(Message(arbitration_id=1, is_extended_id=False, data=data))
+    update = master.decode(frame_of(1, data))
     assert update is not None
     assert (update.mode, update.error, update.text) == (Mode.FAULT, 0x1000000, "watchdog expired")
 
@@ -104,7 +103,7 @@ def test_encoder_estimates_by_the_dbc_are_on_the_link_side() -> None:
     drive = {"node": 0, "sign": -1, "offset": 3.0}
     master = OdriveMaster(settings_of(PROTOCOLS["odrive"], drive, n=50.0))
     data = message_of("Get_Encoder_Estimates").encode({"Pos_Estimate": 2.5, "Vel_Estimate": 8.0})
-    update = master.decode(Message(arbitration_id=9, is_extended_id=False, data=data))
+    update = master.decode(frame_of(9, data))
     assert update is not None
     assert update.channels["q_m"] == pytest.approx(-(2.5 * 6.283185307 - 3.0) / 50.0)
     assert update.channels["dq_m"] == pytest.approx(-8.0 * 6.283185307 / 50.0)
@@ -130,8 +129,7 @@ def test_an_axis_with_an_error_refuses_to_run() -> None:
 
 
 def test_a_drive_that_sends_in_its_cycle_is_not_asked() -> None:
-    line = Line(settings_for("odrive", reports="cyclic", cycle_ms=4), "odrive")
-    line.start()
+    line = started("odrive", reports="cyclic", cycle_ms=4)
     heard = line.pass_time(1.0, lambda: line.master.command(0.1)[:1])
     estimates = [frame for frame in heard if frame.arbitration_id == 3 << 5 | 9]
     assert len(estimates) == pytest.approx(250, abs=2)
@@ -140,19 +138,17 @@ def test_a_drive_that_sends_in_its_cycle_is_not_asked() -> None:
 
 
 def test_torque_only_in_torque_control() -> None:
-    line = Line(settings_for("odrive"), "odrive")
-    line.start()
+    line = started("odrive")
     line.send(line.master.command(0.5))
     assert line.firmware.torque == pytest.approx(0.5)
     velocity = message_of("Set_Controller_Mode").encode({"Control_Mode": 2, "Input_Mode": 1})
-    line.send([Message(arbitration_id=3 << 5 | 0xB, is_extended_id=False, data=velocity)])
+    line.send([frame_of(3 << 5 | 0xB, velocity)])
     assert line.firmware.torque == 0.0
 
 
 def test_emergency_stop() -> None:
-    line = Line(settings_for("odrive"), "odrive")
-    line.start()
-    line.send([Message(arbitration_id=3 << 5 | 2, is_extended_id=False)])
+    line = started("odrive")
+    line.send([frame_of(3 << 5 | 2)])
     assert line.firmware.fault is Fault.STOPPED
 
 
@@ -178,8 +174,7 @@ def test_firmware_05_by_its_dbc() -> None:
 
 
 def test_a_drive_of_firmware_05() -> None:
-    line = Line(settings_for("odrive", firmware="0.5"), "odrive")
-    line.start()
+    line = started("odrive", firmware="0.5")
     line.show({"q_m": 0.2, "v_bus": 24.0, "temperature": 55.0})
     line.pass_time(0.2, lambda: line.master.command(0.5))
     assert line.firmware.torque == pytest.approx(0.5)
