@@ -19,7 +19,6 @@ from cjt_gym.training.evaluation.conditions import (
 from cjt_gym.training.evaluation.evaluate import SEED_BLOCK, evaluate, first_seed
 from cjt_gym.training.evaluation.rollout import ControllerAgent, rollout
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
-from cjt_gym.training.learning.config import VALIDATION_SEEDS
 from cjt_gym.training.learning.run_folder import RunFolder
 
 KEYS = {
@@ -68,10 +67,6 @@ def test_every_agent_meets_the_same_references_joints_and_noise(task: str) -> No
     np.testing.assert_array_equal(one.reference, other.reference)
     np.testing.assert_array_equal(one.tau_measured[:, 0], other.tau_measured[:, 0])
     assert np.ptp(one.reference, axis=0).max() > 0.0 or task == "chirp"
-
-
-def test_seeds_of_training_validation_and_evaluation_are_apart() -> None:
-    assert VALIDATION_SEEDS < EVALUATION_SEEDS
 
 
 def test_tasks_and_seeds_of_the_benchmark_share_no_episode() -> None:

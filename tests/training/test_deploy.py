@@ -57,15 +57,8 @@ def stepper_of(form: str, agent: PolicyAgent, folder: Path) -> Stepper | OnnxSte
     return CStepper(c_header(policy), policy.layout)
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize(
-    ("algorithm", "activation"), [("PPO", "tanh"), ("SAC", "relu"), ("TQC", "elu")]
-)
-def test_every_form_gives_what_torch_gives(
-    form: str, algorithm: str, activation: str, tiny: TrainConfig, tmp_path: Path
-) -> None:
-    agent = agent_for(tiny, algorithm, activation, preview=2, history=5)
-    stepper = stepper_of(form, agent, tmp_path)
+def gives_what_torch_gives(form: str, agent: PolicyAgent, folder: Path) -> None:
+    stepper = stepper_of(form, agent, folder)
     inputs, wanted = recorded(agent)
     assert np.ptp(wanted) > 1e-3 * agent.layout.action
     for _ in range(2):  # a second episode begins without the past of the first
@@ -75,16 +68,22 @@ def test_every_form_gives_what_torch_gives(
 
 
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("algorithm", "activation"), [("PPO", "tanh"), ("SAC", "relu"), ("TQC", "elu")]
+)
+def test_every_form_gives_what_torch_gives(
+    form: str, algorithm: str, activation: str, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    agent = agent_for(tiny, algorithm, activation, preview=2, history=5)
+    gives_what_torch_gives(form, agent, tmp_path)
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_the_numbers_of_the_datasheet_are_inside(
     form: str, tiny: TrainConfig, tmp_path: Path
 ) -> None:
     agent = agent_for(tiny, "PPO", "tanh", history=5, observe_joint=True)
-    stepper = stepper_of(form, agent, tmp_path)
-    inputs, wanted = recorded(agent)
-    assert np.ptp(wanted) > 1e-3 * agent.layout.action
-    stepper.reset()
-    found = np.array([stepper.step(*row) for row in inputs])
-    np.testing.assert_allclose(found, wanted, atol=TOLERANCE * agent.layout.action)
+    gives_what_torch_gives(form, agent, tmp_path)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -94,12 +93,7 @@ def test_an_export_is_the_whole_controller(
 ) -> None:
     """Base law, its limit and its memory are inside, so that nothing has to be added."""
     agent = agent_for(tiny, "PPO", "tanh", base_controller=base, preview=1)
-    stepper = stepper_of(form, agent, tmp_path)
-    inputs, wanted = recorded(agent)
-    for _ in range(2):
-        stepper.reset()
-        found = np.array([stepper.step(*row) for row in inputs])
-        np.testing.assert_allclose(found, wanted, atol=TOLERANCE * agent.layout.action)
+    gives_what_torch_gives(form, agent, tmp_path)
 
 
 def test_base_with_friction_goes_to_c_and_is_refused_elsewhere(

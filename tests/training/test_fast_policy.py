@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,10 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.records import read_record
 from cjt_gym.training.deploy.fast_policy import fast_policy
-from cjt_gym.training.learning.algorithms import make_environment, make_model
-from cjt_gym.training.learning.config import PolicyConfig, TrainConfig
-from cjt_gym.training.learning.policy import agent_of, load_policy
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.policy import load_policy
 from cjt_gym.training.learning.run_folder import RunFolder
+from tests.training.test_deploy import agent_for
 
 CONFIG = """
 [bus]
@@ -40,14 +39,7 @@ rate_hz = 1000
 @pytest.mark.parametrize("algorithm", ["PPO", "SAC"])
 @pytest.mark.parametrize("activation", ["tanh", "relu"])
 def test_gives_what_torch_gives(algorithm: str, activation: str, tiny: TrainConfig) -> None:
-    options = tiny.algorithm_options if algorithm == "PPO" else {"buffer_size": 100}
-    policy = PolicyConfig(net_arch=(16, 8), activation=activation)
-    config = replace(tiny, algorithm=algorithm, policy=policy, algorithm_options=options)
-    env = make_environment(config)
-    env.reset()
-    for _ in range(20):  # so that the statistics of the observations are some
-        env.step(np.zeros((config.num_envs, 1), np.float32))
-    agent = agent_of("one", config, make_model(config, env), env)
+    agent = agent_for(tiny, algorithm, activation)
     act = fast_policy(agent)
     size = agent.model.observation_space.shape
     assert size is not None
