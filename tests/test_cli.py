@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,28 @@ from cjt_gym.training.learning.config import load_config
 
 SHORT = ["simulate", "orange_80_6000", "--duration", "0.2"]
 TUNE = ["tune", "pd_feedforward", "--joint"]
+SIMULATE = ("simulate", "orange_80_6000", "--out", "x.csv")
+HARDWARE = str(Path(__file__).parents[1] / "examples" / "hardware" / "joint.toml")
+NUMBERS = [
+    # what no command can take
+    (*SIMULATE, "--seed", "-1"),
+    (*SIMULATE, "--duration", "nan"),
+    (*SIMULATE, "--duration", "-1"),
+    (*SIMULATE, "--duration", "inf"),
+    (*SIMULATE, "--duration", "1e7"),
+    (*SIMULATE, "--dt", "0"),
+    (*SIMULATE, "--dt", "nan"),
+    (*SIMULATE, "--dt", "1e-300"),
+    (*SIMULATE, "--dt-physics", "0"),
+    (*SIMULATE, "--amplitude", "nan"),
+    ("analyse", "orange_80_6000", "--seed", "-1", "--identify", "1", "--json"),
+    ("export", "orange_80_6000", "--to", "mujoco", "--timestep", "0", "--out", "x.xml"),
+    ("emulate", HARDWARE, "--seconds", "-1"),
+    ("emulate", HARDWARE, "--seconds", "nan"),
+    ("diagnose", "emps", "--seconds", "nan"),
+    ("hardware", HARDWARE, "--seed", "-1", "--dry-run"),
+    ("hardware", HARDWARE, "--duration", "nan", "--dry-run"),
+]
 
 
 def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -233,7 +256,6 @@ def test_effects_in_force_are_stated_and_typical_values_are_offered(
         ([*SHORT, "--effect", "cogging", "--out", "x.csv"], "cogging.f"),
         ([*SHORT, "--reference", "chrip", "--out", "x.csv"], "'chirp'"),
         ([*SHORT, "--controller", "pd_feedforwrd", "--out", "x.csv"], "'pd_feedforward'"),
-        ([*SHORT, "--duration", "-1", "--out", "x.csv"], "duration"),
         ([*SHORT, "--dt-physics", "3e-4", "--out", "x.csv"], "whole multiple"),
         ([*SHORT, "--out", "x.xyz"], "xyz"),
         ([*SHORT, "--effect", "command_delay.delay=5", "--out", "x.csv"], "100 control steps"),
@@ -250,10 +272,11 @@ def test_effects_in_force_are_stated_and_typical_values_are_offered(
         ([*TUNE, "orange_80_6000", "--out", "x.toml", "--phase-margin", "500"], "<= 90 deg"),
         (["analyse", "orange_80_6000", "--identify", "1e6", "--json"], "187.2 N m, the peak"),
         (["datasheet", "orange_80_6000", "--out", "/proc/x.pdf"], "/proc/x.pdf cannot be used"),
+        *((words, "cjt-gym") for words in NUMBERS),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(
-    words: list[str],
+    words: Sequence[str],
     says: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -268,9 +291,21 @@ def test_bad_input_is_one_clear_line_and_status_2(
     output = capsys.readouterr()
     assert status == 2
     assert says in output.err
+    assert output.err.startswith("cjt-gym")
     assert output.err.count("\n") == 1
     assert not output.out
-    assert not list(tmp_path.glob("x.*"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_memory_that_there_is_not(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def much(options: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("cjt_gym.commands.joints.run", much)
+    assert main(["joints"]) == 1
+    assert "not enough memory" in capsys.readouterr().err
 
 
 def test_the_installed_command_answers_and_survives_a_closed_pipe() -> None:
