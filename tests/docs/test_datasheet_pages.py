@@ -1,15 +1,12 @@
-"""The pages on data sheets and symbols: their Python runs, their commands have these options."""
+"""The pages on data sheets and symbols: their Python runs."""
 
 from __future__ import annotations
 
 import re
-import shlex
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from cjt_gym.cli import COMMANDS, Parser
 from cjt_gym.joint.build import build_joints
 
 pytest.importorskip("sympy")
@@ -18,19 +15,6 @@ DOCS = Path(__file__).parents[2] / "docs"
 TEXT = (DOCS / "datasheet.md").read_text(encoding="utf-8")
 TEXT += (DOCS / "symbolic.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", TEXT, flags=re.S)
-SHOWN = [line for kind, text in BLOCKS if kind == "sh" for line in text.splitlines() if line]
-
-
-@pytest.mark.parametrize("line", SHOWN)
-def test_commands_have_the_options_that_are_shown(line: str) -> None:
-    words = shlex.split(line, comments=True)
-    assert words[0] == "cjt-gym"
-    assert words[1] in COMMANDS
-    parser = Parser(prog=words[1])
-    module = import_module(f"cjt_gym.commands.{words[1]}")
-    parser.add_argument("--json", action="store_true")
-    module.add_arguments(parser)
-    parser.parse_args(words[2:])
 
 
 @pytest.mark.parametrize("code", [text for kind, text in BLOCKS if kind == "python"])
