@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint_file
+from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint, load_joint_file
 from cjt_gym.joint.arrays import BRISTLE, LOOP
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.spring_table import spring_rows
@@ -23,6 +23,14 @@ FIXED = tuple(name for name, row in STRUCTURES.items() if row.output_fixed)
 FREE = tuple(name for name in STRUCTURES if name not in FIXED)
 DT = 1e-3
 EPS = float(np.finfo(np.float64).eps)
+UNDAMPED = dict.fromkeys((f"d_{key}{way}" for key in "mgl" for way in ("", "_n")), 0.0)
+LOSSLESS = UNDAMPED | {"d_mg": 0.0, "d_gl": 0.0, "I_l": 0.5}
+
+
+def lossless(structure: str, effects: Effects, **parameters: float) -> Joint:
+    """Return a joint that takes no energy but by its effects."""
+    values = LOSSLESS | parameters
+    return load_joint("orange_80_6000", structure, effects=effects, parameters=values)
 
 
 def states(record: Record) -> Floats:

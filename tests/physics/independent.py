@@ -43,9 +43,7 @@ def reference_states(
     tau_m: ArrayLike,
     load: ArrayLike | None,
     dt: float,
-    x0: ArrayLike | None = None,
     elastic_ripple: bool = False,
-    rtol: float = RTOL,
 ) -> FloatArray:
     """Return the states [q_m q_g q_l dq_m dq_g dq_l] at every sample, shape (n, 6) [rad, rad/s].
 
@@ -57,20 +55,19 @@ def reference_states(
         tau_m: Motor torque, held from its sample to the next, shape (n,) [N m].
         load: Load torque [N m] or, where the output is fixed, load velocity [rad/s]; shape (n,).
         dt: Sample time [s].
-        x0: States at the first sample, shape (6,); zero if not given.
         elastic_ripple: Whether gear ripple sees the toolbox's transmitted torque, without damping
             and 1 N m if the joint is rigid, in place of the physical one.
-        rtol: Relative tolerance of a step.
     """
     torque = np.asarray(tau_m, dtype=np.float64)
     loads = np.zeros_like(torque) if load is None else np.asarray(load, dtype=np.float64)
     constants = _constants(parameters, effects, elastic_ripple)
     ripple = _ripple_table(effects)
     groups = np.array(COORDINATES[structure])
-    bodies = np.zeros(6) if x0 is None else np.asarray(x0, dtype=np.float64)
-    state = _stretched(groups, bodies)
+    # First angle and the stretches after it, then the same as rates: tolerances are relative to
+    # each entry, and a stretch of a microradian would drown in an angle.
+    state = np.zeros(2 * (groups.max() + 1) + int(groups[2] < 0))
     solver = ode(_slope).set_f_params(constants, ripple, groups)
-    solver.set_integrator("dop853", rtol=rtol, atol=ATOL, nsteps=1_000_000)
+    solver.set_integrator("dop853", rtol=RTOL, atol=ATOL, nsteps=1_000_000)
     states = np.empty((len(torque), 6))
     for k in range(len(torque)):
         constants[TAU_M], constants[LOAD] = torque[k], loads[k]
@@ -83,7 +80,7 @@ def reference_states(
                     f"dop853 failed at sample {k} with code {solver.get_return_code()}"
                 )
     if groups[2] < 0:
-        states[1:, 2] = bodies[2] + dt * np.cumsum(loads[:-1])
+        states[1:, 2] = dt * np.cumsum(loads[:-1])
     return states
 
 
@@ -133,17 +130,6 @@ def _ripple_table(effects: Mapping[str, Mapping[str, Any]]) -> FloatArray:
         for series in zip(*(np.atleast_1d(effects[name][key]) for key in "fab"), strict=True)
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
-
-
-def _stretched(groups: Groups, bodies: FloatArray) -> FloatArray:
-    """Return the integrated state: first angle and the stretches after it, then the same as rates.
-
-    Tolerances are relative to each entry; a stretch of a microradian would drown in an angle.
-    """
-    first = [list(groups).index(g) for g in range(groups.max() + 1)]
-    angles = bodies[[*first, 2] if groups[2] < 0 else first]
-    speeds = bodies[3:][first]
-    return np.concatenate([angles[:1], -np.diff(angles), speeds[:1], -np.diff(speeds)])
 
 
 def _bodies(groups: Groups, state: FloatArray, load: float) -> FloatArray:
@@ -264,9 +250,7 @@ class EffectJoint:
     mu: tuple[float, float, float] = (0.0, 0.0, 0.0)
     dq_0: float = 0.002
 
-    def states(
-        self, tau_m: ArrayLike, load: ArrayLike, dt: float, x0: ArrayLike, rtol: float = 1e-10
-    ) -> FloatArray:
+    def states(self, tau_m: ArrayLike, load: ArrayLike, dt: float, x0: ArrayLike) -> FloatArray:
         """Return states, bristles and Bouc-Wen state at every sample, shape (n, 10).
 
         Inputs are held over a sample; samples of equal input are integrated in one go.
@@ -285,7 +269,7 @@ class EffectJoint:
                 "DOP853",
                 np.arange(end - k + 1) * dt,
                 args=(torque[k], loads[k]),
-                rtol=rtol,
+                rtol=RTOL,
                 atol=1e-13,
                 max_step=dt,
             )

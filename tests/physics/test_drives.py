@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 
 from cjt_gym.joint import Joint, load_joint
-from tests.physics.cases import Floats
+from tests.physics.cases import UNDAMPED, Floats
 
 NAME = "orange_80_6000"
 VOLTAGE_DRIVES = ("static", "rl", "dq")
-NO_DAMPING = dict.fromkeys(("d_m", "d_g", "d_l", "d_m_n", "d_g_n", "d_l_n"), 0.0)
 
 
 def rigid(drive: str, **parameters: float) -> Joint:
     """Return a rigid joint without damping, so that speed is lost to nothing."""
-    return load_joint(NAME, "rigid", drive, effects={}, parameters=NO_DAMPING | parameters)
+    return load_joint(NAME, "rigid", drive, effects={}, parameters=UNDAMPED | parameters)
 
 
 def heavy(drive: str, **parameters: float) -> Joint:

@@ -10,11 +10,9 @@ from scipy.linalg import expm
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.joint.arrays import HOUSING, K_M, R_W, WINDING
-from tests.physics.cases import DT, Effects, Floats, traced
+from tests.physics.cases import DT, UNDAMPED, Effects, Floats, traced
 
 NAME = "orange_80_6000"
-SYMBOLS = tuple(f"d_{key}{way}" for key in "mgl" for way in ("", "_n"))
-UNDAMPED = dict.fromkeys(SYMBOLS, 0.0)
 HEAVY = UNDAMPED | {"I_m": 1e7}
 
 

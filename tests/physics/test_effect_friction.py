@@ -16,6 +16,7 @@ from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.joint.arrays import BRISTLE
 from tests.physics.cases import (
     EPS,
+    UNDAMPED,
     Effects,
     Floats,
     initial_state,
@@ -30,8 +31,6 @@ from tests.physics.independent import EffectJoint
 
 NAME = "orange_80_6000"
 H = 1e-4
-SYMBOLS = tuple(f"d_{key}{way}" for key in "mgl" for way in ("", "_n"))
-UNDAMPED = dict.fromkeys((*SYMBOLS, "d_mg", "d_gl"), 0.0)
 HELD = 1e3  # [N m]
 
 
@@ -107,8 +106,8 @@ def test_bristles_hold_below_the_breakaway_and_give_way_above() -> None:
 # ------------------------------------------------------------------ curves at constant speed
 
 
-def heavy(effects: Effects, structure: str = "rigid") -> Joint:
-    return load_joint(NAME, structure, effects=effects, parameters=UNDAMPED | {"I_m": 1e3})
+def heavy(effects: Effects) -> Joint:
+    return load_joint(NAME, "rigid", effects=effects, parameters=UNDAMPED | {"I_m": 1e3})
 
 
 @pytest.mark.parametrize("body", ["m", "g", "l"])

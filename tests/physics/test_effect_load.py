@@ -9,19 +9,13 @@ import pytest
 from scipy.signal import welch
 from scipy.special import ellipk
 
-from cjt_gym.joint import Joint, load_joint
+from cjt_gym.joint import load_joint
 from cjt_gym.joint.disturbance import TREMOR_DAMPING
-from tests.physics.cases import FIXED, FREE, Effects, Floats, states, total_energy
+from tests.physics.cases import FIXED, FREE, Effects, Floats, lossless, states, total_energy
 from tests.physics.independent import EffectJoint
 
 NAME = "orange_80_6000"
-SYMBOLS = tuple(f"d_{key}{way}" for key in "mgl" for way in ("", "_n"))
-LOSSLESS = dict.fromkeys((*SYMBOLS, "d_mg", "d_gl"), 0.0) | {"I_l": 0.5}
 INERTIA = 0.23 + 0.0717 + 0.5
-
-
-def lossless(structure: str, effects: Effects) -> Joint:
-    return load_joint(NAME, structure, effects=effects, parameters=LOSSLESS)
 
 
 def equal(q: float, dq: float) -> Floats:
@@ -62,9 +56,8 @@ def test_weight_hangs_where_the_spring_holds_it(structure: str) -> None:
 # --------------------------------------------------------------------------------- contact
 
 
-def bounced(effects: Effects, speed: float, h: float, structure: str = "rigid") -> Floats:
-    joint = lossless(structure, effects)
-    start = equal(-0.01, speed)
+def bounced(effects: Effects, speed: float, h: float) -> Floats:
+    joint, start = lossless("rigid", effects), equal(-0.01, speed)
     return states(joint.simulate(np.zeros(round(0.5 / h)), dt=h, dt_physics=h, x0=start))
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.records import Record
-from tests.physics.cases import Effects, Floats
+from tests.physics.cases import UNDAMPED, Effects, Floats
 
 NAME, STRUCTURE = "orange_80_6000", "output_fixed"
 DT, H = 1e-3, 1e-4
@@ -156,8 +156,7 @@ def test_lateness_leaves_the_motion_alone() -> None:
 
 
 def turning(effects: Effects, speed: float, samples: int) -> Record:
-    none = dict.fromkeys((f"d_{key}{way}" for key in "mgl" for way in ("", "_n")), 0.0)
-    joint = load_joint(NAME, "full_dynamics", effects=effects, parameters=none)
+    joint = load_joint(NAME, "full_dynamics", effects=effects, parameters=UNDAMPED)
     x0 = [0, 0, 0, speed, speed, speed]
     return joint.simulate(np.zeros(samples), x0=x0, dt=DT, dt_physics=DT)
 

@@ -15,9 +15,11 @@ from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.joint.arrays import LOOP
 from tests.physics.cases import (
     DT,
+    LOSSLESS,
     Effects,
     Floats,
     beyond,
+    lossless,
     slip_elements,
     states,
     total_energy,
@@ -27,14 +29,8 @@ from tests.physics.independent import EffectJoint
 
 NAME = "orange_80_6000"
 ELASTIC = [name for name in STRUCTURES if name != "rigid"]
-SYMBOLS = tuple(f"d_{key}{way}" for key in "mgl" for way in ("", "_n"))
-LOSSLESS = dict.fromkeys((*SYMBOLS, "d_mg", "d_gl"), 0.0) | {"I_l": 0.5}
 GAP, OFFSET = 4e-3, 3e-4
 PLAY: Effects = {"backlash": {"gap": GAP, "offset": OFFSET}}
-
-
-def lossless(structure: str, effects: Effects, **parameters: float) -> Joint:
-    return load_joint(NAME, structure, effects=effects, parameters=LOSSLESS | parameters)
 
 
 def values(joint: Joint) -> dict[str, Any]:

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
-from tests.physics.cases import FREE, Effects, Floats, initial_state, states
+from tests.physics.cases import FREE, UNDAMPED, Effects, Floats, initial_state, states
 
 H = 1e-4
-UNDAMPED = dict.fromkeys(("d_m", "d_g", "d_l", "d_m_n", "d_g_n", "d_l_n"), 0.0)
 
 
 def sharp(**levels: float) -> Effects:

@@ -10,7 +10,7 @@ import pytest
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.records import Record
-from tests.physics.cases import Effects, Floats
+from tests.physics.cases import UNDAMPED, Effects, Floats
 from tests.python import run_python
 
 NAME, STRUCTURE = "orange_80_6000", "output_fixed"
@@ -162,9 +162,8 @@ def test_measurement_delay_leaves_the_motion_alone() -> None:
 @pytest.mark.parametrize("cutoff", [20.0, 200.0, 499.0, 5000.0])
 def test_differentiation_has_unit_gain_to_a_ramp(cutoff: float) -> None:
     """A joint that coasts: every measured speed ends at the true one."""
-    none = dict.fromkeys(("d_m", "d_g", "d_l", "d_m_n", "d_g_n", "d_l_n"), 0.0)
     effects: Effects = {"velocity_differentiation": {"cutoff": cutoff}}
-    joint = load_joint(NAME, "full_dynamics", effects=effects, parameters=none)
+    joint = load_joint(NAME, "full_dynamics", effects=effects, parameters=UNDAMPED)
     x0 = np.array([0.0, 0.0, 0.0, 1.5, 1.5, 1.5])
     record = joint.simulate(np.zeros(400), x0=x0, dt_physics=DT)
     for body in "mgl":
@@ -174,9 +173,8 @@ def test_differentiation_has_unit_gain_to_a_ramp(cutoff: float) -> None:
 @pytest.mark.parametrize("cutoff", [20.0, 200.0, 499.0, 700.0, 1000.0, 5000.0])
 def test_differentiation_does_not_ring(cutoff: float) -> None:
     """Its response to a ramp rises without overshoot, above Nyquist's 500 Hz too."""
-    none = dict.fromkeys(("d_m", "d_g", "d_l", "d_m_n", "d_g_n", "d_l_n"), 0.0)
     effects: Effects = {"velocity_differentiation": {"cutoff": cutoff}}
-    joint = load_joint(NAME, "rigid", effects=effects, parameters=none)
+    joint = load_joint(NAME, "rigid", effects=effects, parameters=UNDAMPED)
     x0 = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
     speed = joint.simulate(np.zeros(100), x0=x0, dt_physics=DT)["dq_m"]
     assert speed[0] == 0.0
