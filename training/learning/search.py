@@ -135,7 +135,7 @@ def search(plan: Plan) -> optuna.Study:
         value, noise = measured(policy, config, plan.episodes)
         trial.set_constraint("noise", noise - limit)
         text = f"error {value / score:.3f} of {plan.against}, noise {noise:.2f} (of {limit:.2f})"
-        _say(f"trial {trial.number}: {text}, {json.dumps(values)}")
+        sys.stderr.write(f"trial {trial.number}: {text}, {json.dumps(values)}\n")
         return value
 
     done = sum(trial.state.is_finished() for trial in study.trials)
@@ -192,10 +192,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = f"trial {best.number}, nrmse {best.value:.4f}: {plan.out / 'best.toml'}"
     sys.stdout.write(found + "\n")
     return 0
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(text + "\n")
 
 
 if __name__ == "__main__":
