@@ -80,7 +80,6 @@ def response(
     output: str = "true_tau",
     *,
     period: float = 2.0,
-    amplitude: float = 0.2,
     dt: float = 5e-4,
 ) -> Complexes:
     """Return the measured frequency response from motor torque to a channel.
@@ -93,12 +92,11 @@ def response(
         frequencies: Frequencies, multiples of 1 / period [Hz].
         output: Channel.
         period: Period of the multisine [s].
-        amplitude: Amplitude of each sine [N m].
         dt: Sample time [s].
     """
     samples = round(period / dt)
     t = np.arange(2 * samples) * dt
-    tau_m = multisine(frequencies, t, amplitude)
+    tau_m = multisine(frequencies, t, 0.2)
     record = bench.simulate(tau_m, np.zeros(len(t)), dt, dt_physics=min(dt, H))
     last = slice(samples, None)
     y = np.array([fourier(record[output][last], t[last], f) for f in frequencies])

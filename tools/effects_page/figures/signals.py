@@ -40,11 +40,10 @@ STIFF: dict[str, Any] = {"k_b": 2e4, "d_g": 60.0}
 Effects = dict[str, dict[str, float]]
 
 
-def shaken(effects: Effects, f: Floats, amplitude: float = 1.0, dt: float = DT) -> Record:
-    """Return the second period of a joint at blocked output under a multisine."""
-    t = np.arange(round(2.0 * PERIOD / dt)) * dt
-    bench = joint(effects, **STIFF)
-    return blocked(bench, multisine(f, t, amplitude), dt)
+def shaken(effects: Effects, f: Floats) -> Record:
+    """Return two periods of a joint at blocked output under a multisine."""
+    t = np.arange(round(2.0 * PERIOD / DT)) * DT
+    return blocked(joint(effects, **STIFF), multisine(f, t), DT)
 
 
 def transfer(record: Record, output: str, source: str, f: Floats) -> Complexes:
