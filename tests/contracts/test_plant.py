@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from cjt_gym import load_joint
-from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.plant import Limits, SimulatedPlant, Variation
 
 EFFECTS: dict[str, dict[str, Any]] = {"coulomb": {}, "command_delay": {"delay": 2e-3}}
@@ -87,23 +86,3 @@ def test_a_delay_may_be_randomised_up_to_its_longest() -> None:
         moved = p.step(np.full(50, 30.0)).q_m != 0.0
         first[moved & (first < 0)] = k
     np.testing.assert_array_equal(first, np.floor(np.round(delays / 1e-4) / 10.0).astype(int))
-
-
-@pytest.mark.parametrize(
-    ("spec", "error", "words"),
-    [
-        ({"k_bb": (0.9, 1.1)}, UnknownNameError, "k_b"),
-        ({"cogging.scale": (0.9, 1.1)}, UnknownNameError, "active effect"),
-        ({"coulomb.d_cx": (0.9, 1.1)}, UnknownNameError, "d_cm"),
-        ({"k_b": (1.1, 0.9)}, ConfigurationError, "low <= high"),
-        ({"k_b": 3}, ConfigurationError, "factors or a mapping"),
-        ({"k_b": {"lo": 1, "high": 2}}, ConfigurationError, "Did you mean 'low'"),
-        ({"I_m": (0.0, 1.0)}, ConfigurationError, "> 0"),
-        ({"k_b": {"low": 1, "high": 2, "distribution": "gauss"}}, UnknownNameError, "uniform"),
-    ],
-)
-def test_bad_randomisation_is_refused(
-    spec: dict[str, Any], error: type[Exception], words: str
-) -> None:
-    with pytest.raises(error, match=words):
-        plant(randomization=spec)

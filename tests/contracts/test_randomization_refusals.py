@@ -18,6 +18,14 @@ from tests.contracts.randomized import joint
     [
         ("mildd", UnknownNameError, "Did you mean 'mild'"),
         (3, ConfigurationError, "name of a preset or a mapping"),
+        ({"k_bb": (0.9, 1.1)}, UnknownNameError, "k_b"),
+        ({"cogging.scale": (0.9, 1.1)}, UnknownNameError, "active effect"),
+        ({"coulomb.d_cx": (0.9, 1.1)}, UnknownNameError, "d_cm"),
+        ({"k_b": (1.1, 0.9)}, ConfigurationError, "low <= high"),
+        ({"k_b": 3}, ConfigurationError, "factors or a mapping"),
+        ({"k_b": {"lo": 1, "high": 2}}, ConfigurationError, "Did you mean 'low'"),
+        ({"I_m": (0.0, 1.0)}, ConfigurationError, "> 0"),
+        ({"k_b": {"low": 1, "high": 2, "distribution": "gauss"}}, UnknownNameError, "uniform"),
         ({"preset": "mild", "k_bb": (1, 2)}, UnknownNameError, "Did you mean 'k_b'"),
         ({"k_b": {"distribution": "normal", "mean": 1.0}}, ConfigurationError, "got no std"),
         ({"k_b": {"distribution": "choice"}}, ConfigurationError, "got no values"),
@@ -72,6 +80,7 @@ from tests.contracts.randomized import joint
 )
 def test_bad_randomisation_is_refused(spec: Any, error: type[Exception], words: str) -> None:
     effects = {
+        "coulomb": {},
         "command_delay": {"delay": 1e-3},
         "dropout": {"probability": 0.1},
         "stribeck": {"d_sm": 1.0, "v_s": 0.1},
