@@ -22,7 +22,6 @@ from cjt_gym.baselines.robust import PEAK, is_stable, make_bench
 from cjt_gym.baselines.state_feedback import quadratic_feedback
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.batch import JointBatch
 from cjt_gym.plant import SimulatedPlant
 
 Floats = NDArray[np.float64]
@@ -345,27 +344,6 @@ def test_the_loop_model_is_what_the_simulator_does(effects: dict[str, dict[str, 
         if k == 0:
             x[len(loop.b) + len(law.linear.c)] += 10.0
     np.testing.assert_allclose(measured, expected, rtol=0, atol=2e-6 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("drive", ["static", "rl", "dq"])
-def test_the_current_follows_with_its_bandwidth_and_does_not_wind_up(drive: str) -> None:
-    joint = load_joint(NAME, "output_fixed_rigid_gearbox", drive, effects={})
-    dt, bandwidth = 1e-4, 100.0
-    law = CurrentController(joint, dt, bandwidth)
-    batch = JointBatch(joint, 1, dt, dt, voltage=True)
-    batch.restart(np.ones(1, dtype=np.bool_), np.zeros(1))
-    wanted = np.where(np.arange(3000) < 1500, 4.0, 1.0)
-    current = np.zeros(3000)
-    for k in range(3000):
-        row = batch.arrays.measured[0]
-        dq_m = row[4:5].copy()
-        current[k] = row[0]
-        volts = law.act(wanted[k : k + 1], batch.arrays.currents, dq_m, np.array([k == 0]))
-        batch.step(volts, np.zeros(1))
-    tau = round(1.0 / (2.0 * np.pi * bandwidth * dt))
-    assert current[tau] == pytest.approx(4.0 * (1.0 - np.exp(-1.0)), rel=0.1)
-    np.testing.assert_allclose(current[400:1500], 4.0, rtol=0.02)
-    np.testing.assert_allclose(current[1900:], 1.0, rtol=0.05)
 
 
 def test_the_current_controller_refuses_what_it_cannot_do() -> None:

@@ -75,15 +75,6 @@ def test_lag_is_3_db_down_at_its_bandwidth(bandwidth: float) -> None:
     assert math.degrees(math.atan2(fit[1], fit[0])) == pytest.approx(-45.0, abs=0.2)
 
 
-@pytest.mark.parametrize("delay", [1e-4, 3e-4, 1e-3, 1.3e-3, 4.7e-3])
-def test_dead_time_counts_in_fractions_of_a_sample(delay: float) -> None:
-    """A step of torque on a free mass: speed is torque / inertia (t - delay)."""
-    joint = rigid({"command_delay": {"delay": delay}})
-    record = joint.simulate(np.full(20, 5.0), dt=DT, dt_physics=1e-4)
-    expected = 5.0 / inertia(joint) * np.maximum(0.0, record.t - delay)
-    np.testing.assert_allclose(record["true_dq_m"], expected, rtol=1e-10, atol=1e-15)
-
-
 @pytest.mark.parametrize("h", [1e-3, 1e-4])
 def test_rate_limit_makes_a_ramp(h: float) -> None:
     """From 0 to 10 A at 400 A/s in 25 ms, and its torque's impulse exactly."""

@@ -28,13 +28,13 @@ def still(effects: Effects, seed: int = 0, samples: int = LONG) -> Record:
     return joint.simulate(np.zeros(samples), dt=DT, dt_physics=DT, seed=seed)
 
 
-def driven(effects: Effects, seed: int = 0, dt: float = DT) -> Record:
+def driven(effects: Effects, dt: float = DT) -> Record:
     """Return a joint in motion, at control samples or at every substep."""
     t = np.arange(400) * DT
     inputs = 20.0 * np.sin(2 * np.pi * 5.0 * t), 0.3 * np.cos(20.0 * t)
     tau_m, load = (np.repeat(x, round(DT / dt)) for x in inputs)
     joint = load_joint(NAME, STRUCTURE, effects=effects)
-    return joint.simulate(tau_m, load, dt=dt, dt_physics=H, seed=seed)
+    return joint.simulate(tau_m, load, dt=dt, dt_physics=H)
 
 
 # -------------------------------------------------------------------------- noise and drift
@@ -45,6 +45,7 @@ def test_noise_is_white_normal_and_of_its_size(channel: str) -> None:
     x = still({"noise": {"channel": channel, "std": 0.02}})[channel] / 0.02
     assert abs(x.mean()) < 5 / math.sqrt(LONG)
     assert abs(x.var() - 1.0) < 5 * math.sqrt(2 / LONG)
+    assert abs((x**3).mean()) < 5 * math.sqrt(15 / LONG)
     assert abs((x**4).mean() - 3.0) < 5 * math.sqrt(96 / LONG)
     for lag in (1, 2, 3, 10):
         assert abs((x[lag:] * x[:-lag]).mean()) < 5 / math.sqrt(LONG)
@@ -131,7 +132,7 @@ def test_the_sensor_errors_come_in_their_order() -> None:
 # -------------------------------------------------------------------------------- lateness
 
 
-@pytest.mark.parametrize("substeps", [0, 3, 10, 14])
+@pytest.mark.parametrize("substeps", [0, 1, 10, 13, 37])
 @pytest.mark.parametrize(("channel", "own"), [("i", 5), ("q_m", 7), ("q_g", 23), ("q_l", 1)])
 def test_each_channel_is_late_by_itself_in_fractions(channel: str, own: int, substeps: int) -> None:
     """To the substep, on top of the lateness of all; the velocity comes with its angle."""
@@ -145,11 +146,6 @@ def test_each_channel_is_late_by_itself_in_fractions(channel: str, own: int, sub
         at = np.arange(400) * RATIO - substeps - own * alone
         expected = np.where(at < 0, fine[name][0], fine[name][np.maximum(at, 0)])
         np.testing.assert_allclose(late[name], expected, rtol=1e-11, atol=1e-12, err_msg=name)
-
-
-def test_lateness_leaves_the_motion_alone() -> None:
-    one, other = driven({"channel_delay": {"q_m": 1.7e-3, "i": 3e-4}}), driven({})
-    np.testing.assert_array_equal(one["true_q_m"], other["true_q_m"])
 
 
 # ---------------------------------------------------------------------------- eccentricity
@@ -217,6 +213,7 @@ def test_sensors_repeat_by_seed_in_every_structure(structure: str) -> None:
         "noise": dict.fromkeys(CHANNELS, 1e-3),
         "drift": dict.fromkeys(CHANNELS, 1e-2),
         "dropout": {"probability": 0.1},
+        "command_noise": {"std": 0.2},
         "measurement_delay": {"delay": 1.5e-3},
     }
     joint = load_joint(NAME, structure, effects=effects)
