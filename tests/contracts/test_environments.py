@@ -156,20 +156,6 @@ def test_every_step_reports_the_promised_keys_and_the_terms_sum_to_the_reward() 
     assert info["base_action"] == 0.0
 
 
-def test_reset_reports_drawn_parameters_and_fixes_given_ones() -> None:
-    env = make(effects=REAL, randomization=RANDOM)
-    drawn = [env.reset(seed=s)[1]["parameters"] for s in (1, 2)]
-    assert drawn[0] != drawn[1]
-    assert 0.8 * 6000 <= drawn[0]["k_b"] <= 1.2 * 6000
-    _, info = env.reset(options={"parameters": {"k_b": 5000.0}})
-    assert info["parameters"]["k_b"] == 5000.0
-    assert info["parameters"]["I_m"] == env.unwrapped.episodes.settings.joint.parameters.I_m
-    with pytest.raises(UnknownNameError, match="k_bb"):
-        env.reset(options={"parameters": {"k_bb": 1.0}})
-    with pytest.raises(UnknownNameError, match="parameters"):
-        env.reset(options={"parameter": {"k_b": 1.0}})
-
-
 def test_the_first_reset_without_a_seed_is_random() -> None:
     firsts = [make().reset()[0] for _ in range(2)]
     assert not np.array_equal(*firsts)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from scipy import special, stats
 
 from cjt_gym import load_joint
-from cjt_gym.errors import CjtGymError, ConfigurationError
+from cjt_gym.errors import CjtGymError, ConfigurationError, UnknownNameError
 from cjt_gym.joint.batch import CHANNEL_DELAYS
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.plant import SimulatedPlant, Variation
@@ -220,6 +220,10 @@ def test_options_fix_exact_parameters() -> None:
     ):
         with pytest.raises(ConfigurationError, match=words):
             env.reset(options={"parameters": wrong})
+    with pytest.raises(UnknownNameError, match="k_bb"):
+        env.reset(options={"parameters": {"k_bb": 1.0}})
+    with pytest.raises(UnknownNameError, match="parameters"):
+        env.reset(options={"parameter": {"k_b": 1.0}})
     _, info = env.reset()
     assert 0.9 * 6000 <= info["parameters"]["k_b"] <= 1.1 * 6000
 

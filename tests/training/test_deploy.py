@@ -154,27 +154,22 @@ def test_recurrent_policy_is_not_exported(tiny: TrainConfig) -> None:
 
 
 @pytest.mark.parametrize("form", ["numpy", "onnx", "c"])
+@pytest.mark.parametrize("policy", [None, "orange_residual"])
 def test_command_writes_tries_and_tells(
-    form: str, finished: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    policy: str | None,
+    form: str,
+    finished: RunFolder,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / {"numpy": "mine.npz", "onnx": "mine.onnx", "c": "mine.h"}[form]
-    words = ["export", str(finished.path), "--to", form, "--out", str(out), "--json"]
+    words = ["export", policy or str(finished.path), "--to", form, "--out", str(out), "--json"]
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert out.is_file()
     assert told["error"] is None or told["error"] < TOLERANCE
     if form == "c":
         assert "mine_step(mine_state *state" in out.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("form", ["c", "onnx", "numpy"])
-def test_a_policy_that_ships_is_written_by_its_name(
-    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / {"numpy": "shipped.npz", "onnx": "shipped.onnx", "c": "shipped.h"}[form]
-    assert main(["export", "orange_residual", "--to", form, "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["error"] is None or told["error"] < TOLERANCE
 
 
 def test_a_name_that_nothing_has_is_told_from_its_neighbour(
