@@ -26,6 +26,7 @@ __all__ = [
     "UnknownNameError",
     "check_name",
     "did_you_mean",
+    "unknown_key",
     "unknown_name",
 ]
 
@@ -123,6 +124,12 @@ def unknown_name(what: str, name: str, known: Iterable[str]) -> UnknownNameError
     return UnknownNameError(
         f"Unknown {what} '{name}'.{did_you_mean(name, names)} Known: {listing}."
     )
+
+
+def unknown_key(owner: str, key: str, known: Collection[str], what: str = "key") -> str:
+    """Return in words that a table has a key that is not among the `known` ones."""
+    hint = did_you_mean(key, known)
+    return f"{owner} has the unknown {what} '{key}'.{hint} Known: {', '.join(known)}."
 
 
 def check_name(what: str, name: object, known: Collection[str]) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from cjt_gym.errors import ConfigurationError, ParameterError, did_you_mean
+from cjt_gym.errors import ConfigurationError, ParameterError, unknown_key
 from cjt_gym.joint.quantity import parse_quantity
 
 REQUIRED: Any = object()
@@ -29,10 +29,7 @@ class Section:
         names = list(table) if known is None else list(known)
         for key in table:
             if key not in names:
-                raise ConfigurationError(
-                    f"{owner} has the unknown key '{key}'.{did_you_mean(key, names)} "
-                    f"Known: {', '.join(names)}."
-                )
+                raise ConfigurationError(unknown_key(owner, key, names))
 
     def __contains__(self, key: str) -> bool:
         return key in self.table

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.disk import read_toml
-from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, did_you_mean
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, unknown_key
 from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.files import JointFile, is_path
@@ -99,14 +99,10 @@ def file_of(joint: Joint) -> JointFile:
     p = joint.parameters
     tables: dict[str, Mapping[str, Setting]] = {}
     for name, values in joint.effects.items():
-        entries: dict[str, Setting] = {}
-        for symbol, value in values.items():
-            row = EFFECTS[name].parameter(symbol)
-            if row is None:
-                entries[symbol] = value  # type: ignore[assignment]
-            else:
-                entries[symbol] = Quantity(value, unit_on(row, p), "set in a table")
-        tables[name] = FrozenMapping(entries)
+        units = {row.symbol: unit_on(row, p) for row in EFFECTS[name].parameters}
+        tables[name] = FrozenMapping(
+            {key: Quantity(value, units[key], "set in a table") for key, value in values.items()}
+        )
     return replace(
         joint.file,
         effects=FrozenMapping(tables),
@@ -138,7 +134,4 @@ def _check_keys(row: object, known: tuple[str, ...], owner: str) -> None:
         raise ConfigurationError(f"{owner} must be a table with {', '.join(known)}, got {row!r}.")
     for key in row:
         if key not in known:
-            raise ConfigurationError(
-                f"{owner} has the unknown key '{key}'.{did_you_mean(key, known)} Known: "
-                f"{', '.join(known)}."
-            )
+            raise ConfigurationError(unknown_key(owner, key, known))

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from cjt_gym.errors import ParameterError, check_name, did_you_mean
+from cjt_gym.errors import ParameterError, check_name, did_you_mean, unknown_key
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import AXES, PARAMETERS, ParameterSpec
 from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
@@ -219,10 +219,7 @@ def check_quantities(
 
 def _checked_quantity(symbol: str, quantity: Quantity, axis: str, origin: str) -> Quantity:
     if symbol not in PARAMETERS:
-        raise ParameterError(
-            f"{origin} has the unknown parameter '{symbol}'.{did_you_mean(symbol, PARAMETERS)} "
-            f"Known: {', '.join(PARAMETERS)}."
-        )
+        raise ParameterError(unknown_key(origin, symbol, PARAMETERS, "parameter"))
     spec, owner = PARAMETERS[symbol], f"{symbol} of {origin}"
     quantity = in_usual_unit(quantity, spec.units[axis], owner)
     if isinstance(quantity.value, tuple):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from cjt_gym.errors import ParameterError, did_you_mean
+from cjt_gym.errors import ParameterError, unknown_key
 
 Value = TypeVar("Value")
 QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "guess", "asymmetric", "low", "high")
@@ -133,10 +133,7 @@ def parse_quantity(entry: object, owner: str) -> Quantity:
 def _check_keys(entry: Mapping[str, object], owner: str) -> None:
     for key in entry:
         if key not in QUANTITY_KEYS:
-            hint = did_you_mean(key, QUANTITY_KEYS)
-            raise ParameterError(
-                f"{owner} has the unknown key '{key}'.{hint} Known: {', '.join(QUANTITY_KEYS)}."
-            )
+            raise ParameterError(unknown_key(owner, key, QUANTITY_KEYS))
     for key in ("value", "unit"):
         if key not in entry:
             raise ParameterError(

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from cjt_gym.disk import parse_toml
-from cjt_gym.errors import ParameterError, did_you_mean
+from cjt_gym.errors import ParameterError, unknown_key
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
 from cjt_gym.joint.quantity import Quantity, Setting, parse_quantity
@@ -82,10 +82,7 @@ def _known(
     """Return the entries of a table whose keys are known."""
     for key in table:
         if key not in known:
-            mistakes.found.append(
-                f"{owner} has the unknown {what} '{key}'.{did_you_mean(key, known)} "
-                f"Known: {', '.join(known)}."
-            )
+            mistakes.found.append(unknown_key(owner, key, known, what))
     return {key: value for key, value in table.items() if key in known}
 
 
