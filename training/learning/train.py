@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecEnv
 
 from cjt_gym.envs.core import Episodes
@@ -58,7 +58,7 @@ def _trained(
         _say(f"{run.path} is finished ({run.facts['steps']} steps). Nothing to do.", quiet)
         return run
     _continue(run, model, env, config, quiet)
-    model.set_logger(Logger(None, _writers(run)))
+    model.set_logger(Logger(None, [TensorBoardOutputFormat(str(run.path / "tensorboard"))]))
     steps = steps_of(model, config.total_steps)
     if steps > config.total_steps:
         text = f"{steps} steps instead of {config.total_steps}: all environments take whole "
@@ -151,10 +151,6 @@ def _learn(model: BaseAlgorithm, config: TrainConfig, companion: Companion) -> N
             "are not numbers. Lower learning_rate in [algorithm_options]."
         ) from error
     companion.finish()
-
-
-def _writers(run: RunFolder) -> list[KVWriter]:
-    return [TensorBoardOutputFormat(str(run.path / "tensorboard"))]
 
 
 def _say(text: str, quiet: bool) -> None:
