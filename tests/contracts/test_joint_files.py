@@ -11,7 +11,6 @@ from cjt_gym.cli import main
 from cjt_gym.envs.arguments import complete
 from cjt_gym.errors import CjtGymWarning, ParameterError
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
-from cjt_gym.joint.build import build_joints, file_of
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.joint.units import in_usual_unit
 
@@ -82,24 +81,6 @@ def test_what_a_shipped_joint_merely_knows_turns_nothing_on() -> None:
     joint = load_joint("orange_80_6000")
     assert (joint.structure, joint.drive, joint.effects) == ("full_dynamics", "current", {})
     assert load_joint("emps").structure == "rigid"
-
-
-def test_a_built_joint_loads_as_what_it_is(tmp_path: Path) -> None:
-    table = {
-        "joints": {"a": {"file": "orange_80_6000"}},
-        "structures": ["rigid", "output_fixed"],
-        "drives": ["static", "dq"],
-        "effects": {"fr": {"coulomb": {"dq_0": 0.0}}, "no": {}},
-    }
-    texts = set()
-    for name, joint in build_joints(table).items():
-        path = tmp_path / f"{name}.toml"
-        path.write_text(to_toml(file_of(joint)), encoding="utf-8")
-        again = load_joint(path)
-        assert (again.structure, again.drive) == (joint.structure, joint.drive)
-        assert again.effects == joint.effects
-        texts.add(path.read_text(encoding="utf-8").split("\n", 1)[1])
-    assert len(texts) == 8
 
 
 def test_an_unknown_structure_names_the_file(sheet: Path) -> None:

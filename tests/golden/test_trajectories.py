@@ -16,9 +16,9 @@ import pytest
 
 from tests.golden.conftest import JointOf
 from tests.golden.loader import Array, Trajectory, mechanical_trajectories, oracle_numbers
+from tests.physics.cases import states
 from tests.physics.independent import peak_errors, reference_states
 
-TRUE_STATES = ("true_q_m", "true_q_g", "true_q_l", "true_dq_m", "true_dq_g", "true_dq_l")
 LINEAR = mechanical_trajectories(nonlinear_ones=False)
 NONLINEAR = mechanical_trajectories(nonlinear_ones=True)
 STIFF = 1e-3
@@ -60,10 +60,10 @@ def effects_of(trajectory: Trajectory) -> dict[str, dict[str, Any]]:
     return effects
 
 
-def largest_error(states: Array, trajectory: Trajectory) -> float:
+def largest_error(x: Array, trajectory: Trajectory) -> float:
     """Return the largest deviation of a state relative to its peak; a fixed load is an input."""
     free = slice(0, 5) if trajectory.structure.startswith("output_fixed") else slice(0, 6)
-    kept, golden = states[:: trajectory.every, free], trajectory.states[:, free]
+    kept, golden = x[:: trajectory.every, free], trajectory.states[:, free]
     peak = np.abs(golden).max(axis=0)
     return float((np.abs(kept - golden).max(axis=0) / np.where(peak > 0.0, peak, 1.0)).max())
 
@@ -78,8 +78,7 @@ def test_linear_motion_is_exact(trajectory: Trajectory, joint_of: JointOf) -> No
     joint = joint_of(trajectory.joint, trajectory.structure)
     tau_m, load = trajectory.inputs.T
     record = joint.simulate(tau_m, load, dt=trajectory.dt, dt_physics=1e-4)
-    states = np.column_stack([record[name] for name in TRUE_STATES])
-    assert largest_error(states, trajectory) < (1e-6 if is_stiff(trajectory) else 1e-8)
+    assert largest_error(states(record), trajectory) < (1e-6 if is_stiff(trajectory) else 1e-8)
 
 
 COMPARABLE = [t for t in NONLINEAR if "gear_ripple" not in effects_of(t)]
@@ -91,8 +90,7 @@ def test_nonlinear_motion(trajectory: Trajectory, joint_of: JointOf) -> None:
     joint = joint_of(trajectory.joint, trajectory.structure, effects=effects_of(trajectory))
     tau_m, load = trajectory.inputs.T
     record = joint.simulate(tau_m, load, dt=trajectory.dt, dt_physics=2e-6)
-    states = np.column_stack([record[name] for name in TRUE_STATES])
-    assert largest_error(states, trajectory) < (1e-5 if is_stiff(trajectory) else 1e-6)
+    assert largest_error(states(record), trajectory) < (1e-5 if is_stiff(trajectory) else 1e-6)
 
 
 def sparing(trajectories: tuple[Trajectory, ...]) -> list[Any]:
@@ -107,7 +105,7 @@ def sparing(trajectories: tuple[Trajectory, ...]) -> list[Any]:
 def test_the_independent_simulator_gives_the_same_motion(trajectory: Trajectory) -> None:
     """It converges to 1e-10; what is left are the figures' own errors, largest in a stiff load."""
     tau_m, load = trajectory.inputs.T
-    states = reference_states(
+    found = reference_states(
         oracle_numbers(trajectory.joint),
         trajectory.structure,
         effects_of(trajectory),
@@ -116,7 +114,7 @@ def test_the_independent_simulator_gives_the_same_motion(trajectory: Trajectory)
         trajectory.dt,
         elastic_ripple=True,
     )
-    assert largest_error(states, trajectory) < (1e-5 if is_stiff(trajectory) else 1e-7)
+    assert largest_error(found, trajectory) < (1e-5 if is_stiff(trajectory) else 1e-7)
 
 
 SHARING = [t for t in NONLINEAR if len(t.effects) > 1 and t.ripple and t.name.endswith("__chirp")]
@@ -135,7 +133,6 @@ def test_gear_ripple_follows_the_whole_transmitted_torque(
     tau_m, load = trajectory.inputs.T
     joint = joint_of(trajectory.joint, structure, effects=effects)
     record = joint.simulate(tau_m, load, dt=dt, dt_physics=2e-6)
-    states = np.column_stack([record[name] for name in TRUE_STATES])
     parameters = oracle_numbers(trajectory.joint)
     reference = reference_states(parameters, structure, effects, tau_m, load, dt)
-    assert peak_errors(states, reference).max() < 2e-6
+    assert peak_errors(states(record), reference).max() < 2e-6

@@ -18,9 +18,8 @@ from scipy.optimize import brentq
 
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import MESH
-from tests.physics.cases import Effects, Floats, Trace, log_range, maybe, states, traced
+from tests.physics.cases import UNDAMPED, Effects, Floats, Trace, log_range, maybe, states, traced
 
-UNDAMPED = {f"d_{body}{way}": 0.0 for body in "mgl" for way in ("", "_n")}
 BODIES = {"I_m": 0.3, "I_g": 0.1, "I_l": 0.6} | UNDAMPED
 
 
