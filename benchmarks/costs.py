@@ -9,18 +9,12 @@ import numpy as np
 
 from benchmarks.report import Table
 from benchmarks.timing import best_in_turns
-from cjt_gym.joint import EFFECTS, STRUCTURES, Effect, load_joint
-from cjt_gym.joint.configure import typical_value
+from cjt_gym.joint import EFFECTS, STRUCTURES, load_joint
 from cjt_gym.plant import SimulatedPlant
+from tests.physics.cases import typical
 
 NAME, NUM, STEPS = "orange_80_6000", 256, 60
 RANDOMIZATION = {"k_b": (0.9, 1.1), "I_m": (0.9, 1.1), "d_m": (0.5, 2.0)}
-
-
-def typical(effect: Effect) -> dict[str, Any]:
-    """Return the values with which an effect is on in `effects="all"`."""
-    p = load_joint(NAME).parameters
-    return {parameter.symbol: typical_value(parameter, p) for parameter in effect.parameters}
 
 
 def stepping(structure: str, effects: Any) -> Callable[[], int]:

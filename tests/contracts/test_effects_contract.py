@@ -20,9 +20,10 @@ from cjt_gym.joint import (
     load_joint,
     load_joint_file,
 )
-from cjt_gym.joint.configure import FIELDS, typical_value
+from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.effects import PLACES, body_of
 from cjt_gym.records import Record
+from tests.physics.cases import typical
 
 ROWS = pytest.mark.parametrize("effect", EFFECTS.values(), ids=lambda effect: effect.name)
 NAME = "orange_80_6000"
@@ -39,12 +40,6 @@ def made(effect: Effect, effects: Any, **more: Any) -> Joint:
     drive = "static" if effect.needs == "voltage" else "current"
     structure = "output_fixed" if effect.needs == "fixed_load" else "full_dynamics"
     return load_joint(NAME, structure, drive, effects=effects, **more)
-
-
-def typical(effect: Effect) -> dict[str, Any]:
-    """Return the values with which `effects="all"` turns it on."""
-    p = load_joint_file(NAME).parameters
-    return {parameter.symbol: typical_value(parameter, p) for parameter in effect.parameters}
 
 
 def neutral(parameter: EffectParameter) -> Any:

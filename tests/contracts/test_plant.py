@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym import load_joint
-from cjt_gym.plant import Limits, SimulatedPlant, Variation
+from cjt_gym.plant import Limits, SimulatedPlant
 
 EFFECTS: dict[str, dict[str, Any]] = {"coulomb": {}, "command_delay": {"delay": 2e-3}}
 
@@ -41,38 +41,12 @@ def test_a_batch_simulates_what_the_joint_simulates() -> None:
     np.testing.assert_array_equal(seen[:, 0], seen[:, 2])
 
 
-def test_draws_stay_in_range_and_set_both_directions_of_symmetric_friction() -> None:
-    spec = {
-        "k_b": (0.5, 2.0),
-        "coulomb.d_cm": {"low": 1.0, "high": 3.0, "operation": "set"},
-        "I_m": Variation(0.01, 0.1, "log_uniform", "add"),
-    }
-    p = plant(500, randomization=spec)
+def test_a_level_that_is_drawn_is_that_of_both_directions() -> None:
+    p = plant(50, randomization={"coulomb.d_cm": {"low": 1.0, "high": 3.0, "operation": "set"}})
     p.reset(seed=1)
     q = p.batch.arrays.p
-    for name, low, high in (("k_b", 3000, 12000), ("d_cm", 1, 3), ("I_m", 0.24, 0.33)):
-        assert low <= q[name].min() < low + 0.1 * (high - low)
-        assert high - 0.1 * (high - low) < q[name].max() <= high
     np.testing.assert_array_equal(q["d_cm"], q["d_cm_n"])
-    assert abs(np.median(q["I_m"]) - 0.23 - np.sqrt(0.001)) < 0.004
-    drawn = p.parameters(7)
-    assert drawn["coulomb.d_cm"] == q["d_cm"][7]
-
-
-def test_a_redrawn_joint_moves_like_one_that_was_loaded_with_its_parameters() -> None:
-    p = plant(2, randomization={"k_b": (0.8, 1.2), "I_m": (0.8, 1.2)})
-    p.reset(seed=3)
-    values = p.parameters(1)
-    same = load_joint(
-        "orange_80_6000",
-        "output_fixed_rigid_gearbox",
-        effects=EFFECTS,
-        parameters={"k_b": values["k_b"], "I_m": values["I_m"]},
-    )
-    wanted = np.full(100, 15.0)
-    seen = [p.step(np.full(2, u)).tau[1] for u in wanted]
-    record = same.simulate(np.append(wanted, 0.0), dt_physics=1e-4)
-    np.testing.assert_allclose(seen, record["tau"][1:], rtol=1e-12)
+    assert p.parameters(7)["coulomb.d_cm"] == q["d_cm"][7]
 
 
 def test_a_delay_may_be_randomised_up_to_its_longest() -> None:

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint, load_joint_file
+from cjt_gym.joint import STRUCTURES, Effect, Joint, joint_names, load_joint, load_joint_file
 from cjt_gym.joint.arrays import BRISTLE, LOOP
 from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.configure import typical_value
 from cjt_gym.joint.spring_table import spring_rows
 from cjt_gym.records import Record
 
@@ -31,6 +32,12 @@ def lossless(structure: str, effects: Effects, **parameters: float) -> Joint:
     """Return a joint that takes no energy but by its effects."""
     values = LOSSLESS | parameters
     return load_joint("orange_80_6000", structure, effects=effects, parameters=values)
+
+
+def typical(effect: Effect) -> dict[str, Any]:
+    """Return the values with which `effects="all"` turns an effect on."""
+    p = load_joint_file("orange_80_6000").parameters
+    return {parameter.symbol: typical_value(parameter, p) for parameter in effect.parameters}
 
 
 def states(record: Record) -> Floats:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint, load_joint_file
-from cjt_gym.joint.configure import typical_value
+from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint
+from tests.physics import cases
 from tests.physics.cases import EPS, Effects, Floats, stiffness_number, traced
 
 NAME = "orange_80_6000"
@@ -32,8 +32,7 @@ FAST = 7.0  # [rad/s], where the supply limits the current
 
 @functools.cache
 def typical(name: str) -> dict[str, Any]:
-    p = load_joint_file(NAME).parameters
-    values = {e.symbol: typical_value(e, p) for e in EFFECTS[name].parameters}
+    values = cases.typical(EFFECTS[name])
     if "dq_0" in values:
         values["dq_0"] = SHARED_DQ_0
     if name == "contact":
