@@ -1,4 +1,4 @@
-"""Sensors: statistics of noise and drift, zeros and scales, lateness, eccentricity, lost frames.
+"""Sensors and command path: noise and drift, zeros and scales, lateness, filters, lost frames.
 
 Bounds on statistics are five standard errors.
 """
@@ -28,13 +28,22 @@ def still(effects: Effects, seed: int = 0, samples: int = LONG) -> Record:
     return joint.simulate(np.zeros(samples), dt=DT, dt_physics=DT, seed=seed)
 
 
-def driven(effects: Effects, dt: float = DT) -> Record:
+def inputs(dt: float = DT) -> tuple[Floats, Floats]:
+    """Return motor torque and load, held over control samples, at every step."""
+    t = np.repeat(np.arange(400) * DT, round(DT / dt))
+    return 20.0 * np.sin(2 * np.pi * 5.0 * t), 0.3 * np.cos(20.0 * t)
+
+
+def driven(effects: Effects, dt: float = DT, structure: str = STRUCTURE) -> Record:
     """Return a joint in motion, at control samples or at every substep."""
-    t = np.arange(400) * DT
-    inputs = 20.0 * np.sin(2 * np.pi * 5.0 * t), 0.3 * np.cos(20.0 * t)
-    tau_m, load = (np.repeat(x, round(DT / dt)) for x in inputs)
-    joint = load_joint(NAME, STRUCTURE, effects=effects)
-    return joint.simulate(tau_m, load, dt=dt, dt_physics=H)
+    joint = load_joint(NAME, structure, effects=effects)
+    return joint.simulate(*inputs(dt), dt=dt, dt_physics=H)
+
+
+def shifted(fine: Record, channel: str, substeps: int) -> Floats:
+    """Return a finely recorded channel at the control samples, late by some substeps."""
+    at = np.arange(400) * RATIO - substeps
+    return np.where(at < 0, fine[channel][0], fine[channel][np.maximum(at, 0)])
 
 
 # -------------------------------------------------------------------------- noise and drift
@@ -97,6 +106,47 @@ def test_drift_is_the_same_at_any_rate_of_sampling() -> None:
         assert abs(steps.var() / 0.1 - 1.0) < 5 * math.sqrt(2 / len(steps))
 
 
+# --------------------------------------------------------------------- command, quantization
+
+
+def test_command_noise_drives_the_joint() -> None:
+    """Noise on the torque of a rigid mass: its speed is a random walk of std h / I per sample."""
+    joint = load_joint(NAME, "rigid", effects={"command_noise": {"std": 0.5}})
+    record = joint.simulate(np.zeros(20_000), dt=DT, dt_physics=DT)
+    p = joint.parameters
+    inertia, damping = p.I_m + p.I_g + p.I_l, p.d_m + p.d_g + p.d_l
+    speed = record["true_dq_m"]
+    decay = math.exp(-damping * DT / inertia)
+    torque = (speed[1:] - decay * speed[:-1]) * damping / (1.0 - decay)
+    assert abs(torque.mean()) < 5 * 0.5 / math.sqrt(20_000)
+    assert torque.std() == pytest.approx(0.5, rel=5 / math.sqrt(40_000))
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_quantized_values_lie_on_the_lattice(channel: str) -> None:
+    resolution = 2.0**-6 if channel in ("i", "tau") else 2.0**-14
+    record = driven({"quantization": {"channel": channel, "resolution": resolution}})
+    steps = record[channel] / resolution
+    np.testing.assert_array_equal(steps, np.round(steps))
+    assert np.unique(steps).size > 3
+    assert np.abs(record[channel] - record[f"true_{channel}"]).max() <= 0.5 * resolution
+
+
+def test_noise_is_quantized_with_the_signal() -> None:
+    effects: Effects = {
+        "noise": {"channel": "q_m", "std": 1e-3},
+        "quantization": {"channel": "q_m", "resolution": 2.0**-12},
+    }
+    steps = driven(effects)["q_m"] * 2.0**12
+    np.testing.assert_array_equal(steps, np.round(steps))
+
+
+def test_command_is_rounded_to_its_resolution() -> None:
+    record = driven({"command_quantization": {"resolution": 0.25}})
+    expected = np.floor(record["i_cmd"] / 0.25 + 0.5) * 0.25
+    np.testing.assert_allclose(record["true_i"][1:], expected[:-1], atol=1e-12)
+
+
 # --------------------------------------------------------------------------- bias and gain
 
 
@@ -143,9 +193,81 @@ def test_each_channel_is_late_by_itself_in_fractions(channel: str, own: int, sub
     rates = {"q_m": "dq_m", "q_g": "dq_g", "q_l": "dq_l"}
     for name in MEASURED:
         alone = name in (channel, rates.get(channel))
-        at = np.arange(400) * RATIO - substeps - own * alone
-        expected = np.where(at < 0, fine[name][0], fine[name][np.maximum(at, 0)])
+        expected = shifted(fine, name, substeps + own * alone)
         np.testing.assert_allclose(late[name], expected, rtol=1e-11, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("substeps", [1, 5, 10, 13, 20, 37])
+def test_delayed_command_is_the_shifted_command(substeps: int) -> None:
+    """To the substep: the same as a shifted command that is given at every substep."""
+    record = driven({"command_delay": {"delay": substeps * H}})
+    tau_m, load = inputs(H)
+    later = np.concatenate([np.zeros(substeps), tau_m])[: len(tau_m)]
+    late = load_joint(NAME, STRUCTURE).simulate(later, load, dt=H, dt_physics=H)
+    for channel in ("q_m", "q_g", "q_l", "dq_m", "dq_g", "tau"):
+        expected = late[f"true_{channel}"][::RATIO]
+        np.testing.assert_allclose(record[f"true_{channel}"], expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize(("all_late", "torque_late"), [(0, 7), (13, 7), (13, 17), (20, 10)])
+def test_torque_delay_comes_on_top(all_late: int, torque_late: int) -> None:
+    effects: Effects = {"torque_delay": {"delay": torque_late * H}}
+    if all_late:
+        effects["measurement_delay"] = {"delay": all_late * H}
+    fine, late = driven({}, dt=H), driven(effects)
+    tau = shifted(fine, "tau", all_late + torque_late)
+    np.testing.assert_allclose(late["tau"], tau, rtol=1e-12, atol=1e-12)
+    q_m = shifted(fine, "q_m", all_late)
+    np.testing.assert_allclose(late["q_m"], q_m, rtol=1e-12, atol=1e-13)
+
+
+# ------------------------------------------------------------------ derivative and filters
+
+
+@pytest.mark.parametrize("cutoff", [20.0, 200.0, 499.0, 5000.0])
+def test_differentiation_has_unit_gain_to_a_ramp(cutoff: float) -> None:
+    """A joint that coasts: every measured speed ends at the true one."""
+    effects: Effects = {"velocity_differentiation": {"cutoff": cutoff}}
+    joint = load_joint(NAME, "full_dynamics", effects=effects, parameters=UNDAMPED)
+    x0 = np.array([0.0, 0.0, 0.0, 1.5, 1.5, 1.5])
+    record = joint.simulate(np.zeros(400), x0=x0, dt_physics=DT)
+    for body in "mgl":
+        assert record[f"dq_{body}"][-1] == pytest.approx(1.5, rel=1e-9)
+
+
+@pytest.mark.parametrize("cutoff", [20.0, 200.0, 499.0, 700.0, 1000.0, 5000.0])
+def test_differentiation_does_not_ring(cutoff: float) -> None:
+    """Its response to a ramp rises without overshoot, above Nyquist's 500 Hz too."""
+    effects: Effects = {"velocity_differentiation": {"cutoff": cutoff}}
+    joint = load_joint(NAME, "rigid", effects=effects, parameters=UNDAMPED)
+    x0 = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+    speed = joint.simulate(np.zeros(100), x0=x0, dt_physics=DT)["dq_m"]
+    assert speed[0] == 0.0
+    assert (np.diff(speed) > -1e-12).all()
+    assert speed.max() < 1.0 + 1e-12
+
+
+def test_differentiation_passes_the_noise_of_the_angle() -> None:
+    """White noise through (1 - d) (1 - 1/z) / (dt (1 - d/z)), d = exp(-2 pi cutoff dt)."""
+    std, cutoff = 1e-4, 100.0
+    effects: Effects = {
+        "noise": {"channel": "q_m", "std": std},
+        "velocity_differentiation": {"cutoff": cutoff},
+    }
+    d = math.exp(-2 * math.pi * cutoff * DT)
+    # impulse response (1 - d) (1, d - 1, d (d - 1), ...): its squares add up to this
+    expected = std / DT * (1 - d) * math.sqrt(1 + (1 - d) ** 2 / (1 - d**2))
+    assert still(effects)["dq_m"].std() == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("cutoff", [20.0, 200.0, 1000.0])
+def test_torque_filter_is_a_first_order_low_pass(cutoff: float) -> None:
+    record = driven({"torque_filter": {"cutoff": cutoff}})
+    gain = 1.0 - math.exp(-2 * math.pi * cutoff * DT)
+    expected = record["true_tau"].copy()
+    for k in range(1, len(expected)):
+        expected[k] = expected[k - 1] + gain * (record["true_tau"][k] - expected[k - 1])
+    np.testing.assert_allclose(record["tau"], expected, atol=1e-12)
 
 
 # ---------------------------------------------------------------------------- eccentricity
@@ -219,3 +341,13 @@ def test_sensors_repeat_by_seed_in_every_structure(structure: str) -> None:
     joint = load_joint(NAME, structure, effects=effects)
     np.testing.assert_array_equal(measured(joint, 3), measured(joint, 3))
     assert (measured(joint, 3) != measured(joint, 4)).any(axis=0)[:5].all()
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_ideal_sensors_report_the_truth(structure: str) -> None:
+    """A prescribed load velocity jumps at a sample, where the sensor still has the one before."""
+    record = driven({}, structure=structure)
+    for channel in MEASURED:
+        if channel != "dq_l" or not STRUCTURES[structure].output_fixed:
+            true = record[f"true_{channel}"]
+            np.testing.assert_array_equal(record[channel], true, err_msg=channel)
