@@ -20,7 +20,7 @@ from cjt_gym.baselines.observers import (
     momentum_observer,
 )
 from cjt_gym.baselines.observers.kalman import noise_model, steady_gain
-from cjt_gym.baselines.observers.model import design_model
+from cjt_gym.baselines.observers.model import current_observer, design_model
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.plant import SimulatedPlant
@@ -42,11 +42,10 @@ def watch(
     model: SampledJoint,
     command: Floats,
     num: int = 1,
-    seed: int = 0,
 ) -> dict[str, Floats]:
     """Run an observer on a simulated joint; each estimate has the shape (samples, num)."""
     plant = SimulatedPlant(model.joint, num, DT)
-    now, sent = plant.reset(seed=seed), np.zeros(num)
+    now, sent = plant.reset(seed=0), np.zeros(num)
     rows = []
     for k, u in enumerate(command):
         rows.append(observer.step(now, sent, np.full(num, k == 0)))
@@ -126,8 +125,6 @@ def test_innovations_of_the_kalman_filter_are_white_and_as_large_as_it_says(stru
     design, q, _ = noise_model(model, torque_noise, 0.0, ("tau", "q_m"))
     r = np.diag([noise["tau"] ** 2, noise["q_m"] ** 2])
     gain = steady_gain(design, q, r)
-    from cjt_gym.baselines.observers.model import current_observer
-
     found = watch(current_observer(design, gain), model, wave(6000), num=4)
     spread = control.dlyap(
         design.a @ (np.eye(len(q)) - gain @ design.c),

@@ -12,6 +12,8 @@ import pytest
 
 pytest.importorskip("foxglove")
 
+from dataclasses import replace
+
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -105,8 +107,6 @@ def test_a_port_that_is_taken_is_told() -> None:
 
 
 def test_joints_of_a_list_have_a_topic_each() -> None:
-    from dataclasses import replace
-
     with LiveView([replace(config(), name=name) for name in ("hip", "knee")], 0) as view:
         viewer = Viewer(view.address)
         view.begin(["t", "hip/q_m", "knee/q_m"], {})

@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import can
+import gymnasium
 import numpy as np
 import pytest
 
 from cjt_gym.canbus.dialogue import AFTERWARDS
+from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.nodes import SPARE, Nodes
 from cjt_gym.canbus.plant import CanPlant
@@ -165,9 +167,6 @@ def test_a_record_does_not_overwrite_the_configuration_of_its_run(
 
 def test_a_silent_node_is_named() -> None:
     given = config()
-    from cjt_gym.canbus.emulator import Emulator
-    from cjt_gym.canbus.virtual import VirtualLink
-
     emulator = Emulator(given)
     emulator.nodes[0].alive = False
     with pytest.raises(HardwareError, match=r"drive \(node 3\) did not confirm"):
@@ -175,11 +174,6 @@ def test_a_silent_node_is_named() -> None:
 
 
 def test_measured_delays_are_what_environments_draw() -> None:
-    import gymnasium
-
-    import cjt_gym
-
-    assert cjt_gym.__version__
     timing = Timing()
     rng = np.random.default_rng(0)
     timing.lateness.extend(rng.uniform(1e-4, 3e-4, 1000).tolist())

@@ -10,8 +10,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import gymnasium
 import pytest
 
+import cjt_gym  # noqa: F401
 from tests.python import run_python
 
 ROOT = Path(__file__).parents[2]
@@ -77,10 +79,6 @@ def test_every_make_target_of_the_readme_exists() -> None:
 
 
 def test_every_link_and_environment_of_the_readme_exists() -> None:
-    import gymnasium
-
-    import cjt_gym  # noqa: F401
-
     for name in re.findall(r"CJT/\w+-v\d", README):
         assert name in gymnasium.registry
     for link in re.findall(r"\]\(([^)#]+)\)", README):

@@ -11,7 +11,8 @@ import pytest
 from cjt_gym.baselines import make_controller
 from cjt_gym.disk import to_toml
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
-from cjt_gym.joint import load_joint
+from cjt_gym.joint import load_joint, load_joint_file
+from cjt_gym.joint import to_toml as joint_toml
 from cjt_gym.training.learning.algorithms import make_environment, make_model
 from cjt_gym.training.learning.config import (
     TrainConfig,
@@ -104,9 +105,6 @@ def test_a_file_that_does_not_exist_names_those_that_ship() -> None:
 
 
 def test_a_joint_beside_the_file_is_found(tmp_path: Path) -> None:
-    from cjt_gym.joint import load_joint_file
-    from cjt_gym.joint.files import to_toml as joint_toml
-
     (tmp_path / "mine.toml").write_text(joint_toml(load_joint_file("lemon_50_6000")))
     (tmp_path / "config.toml").write_text('[env]\njoint = "mine.toml"\n', encoding="utf-8")
     config = load_config(tmp_path / "config.toml")

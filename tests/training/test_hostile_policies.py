@@ -13,6 +13,9 @@ import pytest
 from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_text import identifier
+from cjt_gym.joint import load_joint
+from cjt_gym.plant import SimulatedPlant
+from cjt_gym.signals import Signal
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.exported import Exported, load_exported, save_exported
 from cjt_gym.training.deploy.network import Layer, Network
@@ -134,9 +137,6 @@ BAD_SHAPES = [np.zeros(4), np.zeros((2, 1)), np.zeros(0), np.array("x"), np.arra
 
 @pytest.mark.parametrize("bad", BAD_SHAPES)
 def test_arrays_for_a_plant_must_be_as_many_as_its_joints(bad: Any) -> None:
-    from cjt_gym.joint import load_joint
-    from cjt_gym.plant import SimulatedPlant
-
     plant = SimulatedPlant(load_joint("orange_80_6000"), num=2)
     plant.reset(seed=0)
     good = np.zeros(2)
@@ -153,8 +153,6 @@ def test_arrays_for_a_plant_must_be_as_many_as_its_joints(bad: Any) -> None:
 
 
 def test_tables_of_signals_are_checked() -> None:
-    from cjt_gym.signals import Signal
-
     for table in (np.zeros((0, 2)), np.zeros((3, 1)), np.zeros(3), np.array([[0.0, np.nan]])):
         with pytest.raises(ConfigurationError, match="table of the file signal"):
             Signal("file", table=table)

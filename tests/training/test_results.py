@@ -23,6 +23,7 @@ from cjt_gym.training.evaluation.metrics import nrmse
 from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, run_task
 from cjt_gym.training.evaluation.tasks import get_task
 from cjt_gym.training.learning.config import load_config
+from cjt_gym.training.learning.policy import load_policy
 from cjt_gym.training.learning.run_folder import RunFolder
 from experiments.results import port, tables
 from experiments.results.__main__ import main
@@ -195,8 +196,6 @@ def test_other_joints_have_the_same_effects_and_are_others() -> None:
 
 
 def test_scales_that_were_given_keep_their_ratio_on_another_joint(finished: RunFolder) -> None:
-    from cjt_gym.training.learning.policy import load_policy
-
     policy = load_policy(finished.path)
     config = policy.config.with_changes(env={**policy.config.env, "action_scale": 3.0})
     other = Conditions("lime_50_21000", FIXED)
