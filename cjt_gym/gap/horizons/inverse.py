@@ -19,7 +19,6 @@ from scipy.signal import savgol_filter
 from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
 from cjt_gym.gap.horizons.model import body_group
 from cjt_gym.gap.horizons.over_angle import over_angle
-from cjt_gym.gap.horizons.rows import SWING
 from cjt_gym.gap.horizons.spent import (
     BLOCKS,
     CLEAR,
@@ -125,8 +124,8 @@ def seen_in_torque(
 
     The regression has the others, too: what they do must not pass for another effect.
     """
-    wide = joint.parameters.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
-    names = [n for n in PLACES if n not in joint.effects and (wide or n != "gravity")]
+    turns = joint.parameters.axis == "rotary"
+    names = [n for n in PLACES if n not in joint.effects and (turns or n != "gravity")]
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
     found = [one for one in spent(joint, logs, names, wave) if one.name not in excluded]
     seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}

@@ -21,7 +21,7 @@ from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
-from cjt_gym.gap.horizons.rows import candidates, cogging, likelier, scales_of
+from cjt_gym.gap.horizons.rows import candidates, cogging, gravity, likelier, scales_of
 from cjt_gym.gap.horizons.search import search
 from cjt_gym.gap.horizons.windows import (
     HORIZONS,
@@ -198,6 +198,8 @@ def judge(
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
     may = [t for t in may if t.key not in given]
     may += [cogging(seen["cogging"])] if "cogging" in seen else []
+    if "gravity" in seen and not any(t.name == "gravity" for t in may):
+        may.append(gravity(case.joint, scales))
     terms = likelier([*may, *own, *freed(base.terms)], seen)
     found = search(
         problem, base, terms, suspects, progress,

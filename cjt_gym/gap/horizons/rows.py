@@ -34,7 +34,7 @@ pendulum that is swung up exceeds its motor's."""
 NEAR = 5.0
 """Range of the frequency of cogging about that of a regression, in its resolution."""
 SWING = 0.4
-"""Travel above which gravity can be distinguished from a constant torque [rad]."""
+"""Travel above which gravity is searched for even if the torque does not show it [rad]."""
 COASTING, SELDOM = 0.1, 0.95
 """Share of the inertial torque that counts as the torque of an undriven joint, and share of the
 record without any torque from which it is one."""
@@ -103,7 +103,7 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
     if free and shape.groups[2] != shape.groups[0]:
         found += [*_load_friction(scales), _load_damping(joint, scales)]
     if free and joint.parameters.axis == "rotary" and scales.travel > SWING:
-        found.append(_gravity(joint, scales))
+        found.append(gravity(joint, scales))
     measured = set().union(*(log.measured for log in logs))
     if "tau" in measured:
         found += _torque_sensor(logs)
@@ -301,7 +301,8 @@ def _load_damping(joint: Joint, scales: Scales) -> Term:
                 nominal=(given,))  # fmt: skip
 
 
-def _gravity(joint: Joint, scales: Scales) -> Term:
+def gravity(joint: Joint, scales: Scales) -> Term:
+    """Return the term of a weight."""
     size, most = 0.2 * scales.torque, HEAVIEST * scales.peak
     numbers = tuple(Free(s, "N m", 0.0, size, low=-most, high=most) for s in ("a", "b"))
 
