@@ -38,6 +38,7 @@ NOTE = "repairs"
 
 Columns = dict[str, FloatArray]
 Bools = NDArray[np.bool_]
+_NOTHING = Piece(np.empty(0, int), np.empty(0))
 
 
 def clean(record: Record) -> tuple[Record, tuple[Repair, ...]]:
@@ -119,7 +120,7 @@ def _in_order(columns: Columns, owner: str) -> tuple[list[Columns], list[Repair]
     found, repairs = ordered_rows(columns["t"], _same_rows(columns))
     used = [piece for piece in found if len(piece.t) >= SHORTEST]
     if not used:
-        used = [max(found, key=lambda piece: len(piece.t), default=Piece(np.empty(0, int), _NONE))]
+        used = [max(found, key=lambda piece: len(piece.t), default=_NOTHING)]
     if len(used[0].t) < 2:
         raise RecordError(
             f"The time t of {owner} must increase from row to row, but fewer than two rows have a "
@@ -135,9 +136,6 @@ def _in_order(columns: Columns, owner: str) -> tuple[list[Columns], list[Repair]
         {name: piece.t if name == "t" else values[piece.rows] for name, values in columns.items()}
         for piece in used
     ], repairs
-
-
-_NONE = np.empty(0)
 
 
 def _same_rows(columns: Columns) -> Bools:

@@ -157,7 +157,7 @@ def choose(table: FloatArray, count: int, scale: ArrayLike) -> list[int]:
 def _one(y: FloatArray) -> list[float]:
     """Return the features of one channel: range, speed, reversals and octaves."""
     if len(y) < 2 ** (OCTAVES + 1):
-        y = np.pad(y, (0, 2 ** (OCTAVES + 1) - len(y)), mode="edge") if len(y) else _STILL
+        y = np.pad(y, (0, 2 ** (OCTAVES + 1) - len(y)), mode="edge" if len(y) else "constant")
     low, high = np.quantile(y, [0.01, 0.99])
     smooth = y[: len(y) // 8 * 8].reshape(-1, 8).mean(axis=1)
     speed = np.diff(smooth)
@@ -175,9 +175,6 @@ def _one(y: FloatArray) -> list[float]:
         np.sqrt(reversals) * (high - low),
         *octaves,
     ]
-
-
-_STILL = np.zeros(2 ** (OCTAVES + 1))
 
 
 def _sample_time(log: Log) -> float:
