@@ -66,14 +66,14 @@ DRAWINGS: Sequence[Drawing] = (
     ),
     (
         "holding time",
-        figures.holding,
+        partial(figures.with_scale, plots.holding, "time held [s]"),
         "How long a torque on a locked output can be held, by its amplitude and frequency, from "
         "ambient. Below the white line: for ever. Blank: not possible.",
         "",
     ),
     (
         "torque with free loads",
-        figures.torque_with_load,
+        partial(figures.with_scale, plots.torque_with_load, "load inertia / $(I_m + I_g)$"),
         "The same for a short time, with free loads. Below, a light load gives way; at the "
         "resonance little motor torque is needed.",
         "",

@@ -50,19 +50,10 @@ def heat(joints: Joints) -> str:
         return written()
 
 
-def holding(joints: Joints) -> str:
-    """Return how long torques of one joint can be held, over amplitude and frequency."""
+def with_scale(draw: Callable[..., Any], label: str, joints: Joints) -> str:
+    """Return a figure of one joint with a plot whose colours have a scale of that name."""
     with canvas() as (figure, written):
         axes = figure.subplots()
-        shown = plots.holding(axes, joints[0])
-        figure.colorbar(shown, ax=axes, label="time held [s]", aspect=25, pad=0.02)
-        return written()
-
-
-def torque_with_load(joints: Joints) -> str:
-    """Return the peak torque of one joint over frequency for free loads of several inertias."""
-    with canvas() as (figure, written):
-        axes = figure.subplots()
-        scale = plots.torque_with_load(axes, joints[0])
-        figure.colorbar(scale, ax=axes, label="load inertia / $(I_m + I_g)$", aspect=25, pad=0.02)
+        shown = draw(axes, joints[0])
+        figure.colorbar(shown, ax=axes, label=label, aspect=25, pad=0.02)
         return written()
