@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.candidates.candidate import Candidate, Scales, Values
+from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.candidates.number import Number
-from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 
 OFTEN, NOISES = 0.95, 2.0
@@ -22,7 +21,7 @@ def _reached(setting: Setting) -> float:
     return often - NOISES * setting.std("i")
 
 
-def drive_rows(setting: Setting, size: Scales) -> list[Candidate]:
+def drive_rows(setting: Setting) -> list[Candidate]:
     """Return the candidates of the drive."""
     touches = ("drive",) if "i" in setting.series else ("motor",)
     dt, unit = setting.series.dt, setting.command_unit
@@ -33,9 +32,6 @@ def drive_rows(setting: Setting, size: Scales) -> list[Candidate]:
     limit = Number("i_max", unit, peak, 1.0, log=True, low=lowest, high=peak, shape=True)
     least, most = 1e-4 * peak, 0.5 * peak
     step = Number("resolution", unit, 0.05 * peak, 2.0, True, least, most, shape=True)
-
-    def set_lag(f: Fields, v: Values) -> None:
-        f["lag"] = 1.0 / (2.0 * np.pi * v["bandwidth"])
 
     return [
         Candidate(
@@ -51,7 +47,7 @@ def drive_rows(setting: Setting, size: Scales) -> list[Candidate]:
             "current_lag",
             "drive",
             (lag,),
-            set_lag,
+            lambda f, v: f.update(lag=1.0 / (2.0 * np.pi * v["bandwidth"])),
             touches,
             starts=((300.0,), (100.0,), (30.0,), (8.0,)),
             family="drive",
@@ -71,7 +67,6 @@ def drive_rows(setting: Setting, size: Scales) -> list[Candidate]:
             (step,),
             lambda f, v: f.update(step=v["resolution"]),
             touches,
-            starts=(),
             family="drive",
             search="step",
         ),

@@ -13,19 +13,19 @@ from cjt_gym.gap.recorded.setting import Setting
 
 def load_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the load; a search over horizons seeks weights without a spring."""
-    touches = ("load",) if setting.cut_at_spring else ("motor",)
+    if not setting.has_spring:
+        return []
+    rows = [released(setting, "I_l", "load_inertia", "load")]
     if not setting.cut_at_spring:
-        inertia = released(setting, "I_l", "load_inertia", "load", "I_l")
-        return [inertia] if setting.has_spring else []
-    rows = [released(setting, "I_l", "load_inertia", "load", "I_l")]
-    rows += friction_of(setting, size, "l", "load", touches)
+        return rows
+    rows += friction_of(setting, size, "l", "load", ("load",))
     torque = max(float(np.std(setting.series["tau"])), 1e-9)
     gravity = Candidate(
         "gravity",
         "load",
         (Number("a", "N m", 0.0, torque), Number("b", "N m", 0.0, torque)),
         lambda f, v: f.update(grav_a=v["a"], grav_b=v["b"]),
-        touches,
+        ("load",),
         starts=((0.0, 0.0),),
         family="load",
     )

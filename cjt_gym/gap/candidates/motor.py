@@ -13,11 +13,11 @@ from cjt_gym.gap.recorded.setting import Setting
 def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the motor, without dry friction."""
     active = active_parameters(setting)
-    rows = [released(setting, "k_t", "torque_constant", "motor", "k_t")]
+    rows = [released(setting, "k_t", "torque_constant", "motor")]
     if not guesses_of(setting, "m"):  # a guess is free in every fit
-        rows.append(released(setting, "I_m", "inertia", "motor", "I_m"))
+        rows.append(released(setting, "I_m", "inertia", "motor"))
     if "I_g" in active and not guesses_of(setting, "g"):
-        rows.append(released(setting, "I_g", "inertia", "motor", "I_g"))
+        rows.append(released(setting, "I_g", "inertia", "motor"))
     rows += [
         _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear
     ]
@@ -80,8 +80,7 @@ def _damping(setting: Setting, size: Scales, body: str) -> Candidate:
 
 def _periodic(name: str, prefix: str, scale: float, unit: str) -> Candidate:
     f = Number("f", "1/rev", 0.0, 1.0, low=0.0, prior=False, shape=True)
-    a = Number("a", unit, 0.0, scale)
-    b = Number("b", unit, 0.0, scale)
+    a, b = (Number(symbol, unit, 0.0, scale) for symbol in "ab")
 
     def apply(fields: Fields, v: Values) -> None:
         fields[f"{prefix}_f"], fields[f"{prefix}_a"], fields[f"{prefix}_b"] = v["f"], v["a"], v["b"]

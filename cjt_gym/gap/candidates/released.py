@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.gap.candidates.candidate import Candidate, Values
+from cjt_gym.gap.candidates.candidate import BODIES, Candidate, Values
 from cjt_gym.gap.candidates.nuisances import stages_of
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.fields import Fields
@@ -12,27 +12,24 @@ FURTHEST = 5.0
 """Largest factor between the true and the stated value."""
 
 
-def released(setting: Setting, name: str, effect: str, stage: str, field_name: str) -> Candidate:
+def released(setting: Setting, field: str, effect: str, stage: str) -> Candidate:
     """Return the row of an effect that is a wrong datasheet value."""
-    unit = setting.joint.parameters.unit(field_name)
-    nominal = setting.nominal[field_name]
+    unit = setting.joint.parameters.unit(field)
+    nominal = setting.nominal[field]
     low, high = nominal / FURTHEST, nominal * FURTHEST
-    factor = Number(name, unit, nominal, 0.5, log=True, low=low, high=high)
-    body = {"m": "motor", "g": "gear", "l": "load"}.get(field_name[-1])
-    if stage not in ("motor", "load") or field_name == "k_t":
-        body = None
+    factor = Number(field, unit, nominal, 0.5, log=True, low=low, high=high)
 
     def release(f: Fields, v: Values) -> None:
-        f[field_name] *= v[name] / setting.nominal[field_name]
+        f[field] *= v[field] / nominal
 
     return Candidate(
         effect,
         stage,
         (factor,),
         release,
-        stages_of(setting, field_name),
-        body=body,
-        starts=((setting.nominal[field_name],),),
+        stages_of(setting, field),
+        body=BODIES.get(field[-1]) if stage in ("motor", "load") else None,
+        starts=((nominal,),),
         family="nominal",
-        releases=field_name,
+        releases=field,
     )

@@ -23,7 +23,7 @@ def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate
     size = scales(setting)
     rows: list[Candidate] = []
     if "i_cmd" in setting.series:
-        rows += drive_rows(setting, size)
+        rows += drive_rows(setting)
     rows += motor_rows(setting, size)
     rows += friction_rows(setting, size)
     if setting.has_spring:

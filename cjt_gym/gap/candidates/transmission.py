@@ -20,9 +20,9 @@ def _hysteresis(exponent: float, f: Fields, v: Values) -> None:
 def transmission_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the transmission."""
     touches = ("transmission",) if setting.cut_at_spring else ("motor",)
-    rows = [released(setting, "k_b", "stiffness", "transmission", "k_b")]
+    rows = [released(setting, "k_b", "stiffness", "transmission")]
     if setting.has_gear:
-        rows.append(released(setting, "k_g", "gear_stiffness", "transmission", "k_g"))
+        rows.append(released(setting, "k_g", "gear_stiffness", "transmission"))
     x = size.deflection
     play = Number("b", "rad", 0.0, x, low=0.0)
     centre = Number("centre", "rad", 0.0, x, shape=True)
@@ -30,17 +30,15 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Candidate]:
     torque = Number("h", "N m", 0.0, setting.nominal["k_b"] * x)
     width = Number("z_h", "rad", 0.3 * x, 1.5, True, low=1e-3 * x, high=100 * x, shape=True)
 
-    def apply_play(f: Fields, v: Values) -> None:
-        f["play"], f["q_0"] = v["b"], f["q_0"] + v["centre"]
-
     if setting.has_gear and setting.cut_at_spring:
         rows += [_gear_play(play, centre, x, pulls) for pulls in (False, True)]
-    rows += [
+    return [
+        *rows,
         Candidate(
             "backlash",
             "transmission",
             (play, centre),
-            apply_play,
+            lambda f, v: f.update(play=v["b"], q_0=f["q_0"] + v["centre"]),
             touches,
             starts=tuple((w * x, c * w * x) for w in (0.03, 0.2) for c in (-0.4, 0.0, 0.4)),
             family="spring",
@@ -69,7 +67,6 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Candidate]:
             for variant, exponent in HYSTERESES.items()
         ),
     ]
-    return rows
 
 
 def _gear_play(play: Number, centre: Number, x: float, pulls: bool) -> Candidate:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.candidates.candidate import scales
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
 from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
@@ -83,7 +82,7 @@ def test_no_limit_lies_below_a_current_that_was_reached() -> None:
     columns = {"t": t, "i_cmd": asked, "i": 0.5 * asked, "q_m": np.cumsum(asked) * 1e-3}
     units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
     setting = make_setting(Record(columns, units, structure="rigid"), datasheet(), RIGID)
-    rows = drive_rows(setting, scales(setting))
+    rows = drive_rows(setting)
     (limit,) = next(row for row in rows if row.name == "current_saturation").unknowns
     assert 0.9 < limit.low <= 1.0
 
