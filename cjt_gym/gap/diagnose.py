@@ -22,9 +22,9 @@ from cjt_gym.gap.diagnosis import (
     Unexplained,
 )
 from cjt_gym.gap.evidence import Source
-from cjt_gym.gap.horizons.answer import judged
+from cjt_gym.gap.horizons.answer import judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.joint_file import identified_joint, told_by
+from cjt_gym.gap.joint_file import identified_joint, rounded, told_by
 from cjt_gym.gap.judged.gap_size import HARM, measure_gap
 from cjt_gym.gap.judged.naming import doubted, name_effects
 from cjt_gym.gap.judged.refine import settled
@@ -183,7 +183,7 @@ def _by_stages(
     known = explanation.problem.stages.setting
     replayed = [as_noisy(one, known) for one in replayed]
     source = source_of(file, shape, _records(fitted), _records(tested))
-    title = _title(fitted[0].record)
+    title = title_of(fitted[0].record)
     return _report(explanation, replayed or [known], bool(replayed), started, source, title)
 
 
@@ -285,11 +285,6 @@ def _joint(
     return file, shape
 
 
-def _title(record: Record) -> str:
-    """Return a short name of a record: that of its file."""
-    return record.owner if record.origin is None else record.origin.stem
-
-
 # ---- report
 def _report(
     found: Explanation,
@@ -333,12 +328,12 @@ def _report(
         named = tuple(doubted(e, why) if e.stage in BESIDE_SPRING else e for e in named)
     left = left or hidden
     stages = _stages(found, fit, all_before, named)
-    drawn = gather(problem, fit, within, before)
+    drawn = gather(problem, fit, within, before["motor"])
     missing = not_judged(setting)
     said = (*missing, *open_instant(named, setting.series.dt))
     lying = where(setting, stages, before, problem.stages.first(fit.residuals))
     drawn = replace(
-        drawn, regimes=lying, steps=_steps(found), source=source, ladder=rungs, replays=replays,
+        drawn, regimes=lying, source=source, ladder=rungs, replays=replays,
         replay_dt=settings[-1].series.dt,
     )  # fmt: skip
 
@@ -376,28 +371,16 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
         given = (n.field in known or n.field == "lag") and n.field not in released
         if given and n.unknown.log and (deviation < KNOWN or abs(fit.z[k]) > MOVED):
             for field in (n.field, *n.along):
-                told[field] = (_short(fields[field]), _short(n.unknown.scale * deviation))
+                told[field] = (rounded(fields[field]), rounded(n.unknown.scale * deviation))
     return told
-
-
-def _short(x: float) -> float:
-    return float(f"{x:.6g}")
-
-
-def _steps(found: Explanation) -> tuple[tuple[str, dict[str, float]], ...]:
-    return tuple(
-        (effect.name, {n: ms**0.5 for n, ms in need.without.mean_square.items()})
-        for effect, need in zip(found.fit.model.effects, found.needs, strict=True)
-    )
 
 
 def _within_tolerance(found: Explanation) -> Written:
     """Return the nominal joint with its values limited to their tolerances."""
     problem = found.problem
-    held = [n.field in problem.stages.setting.joint.parameters.quantities for n in problem.shared]
-    sensor = [n.field in ("tau_0", "i_0") for n in problem.shared]
+    known = {*problem.stages.setting.joint.parameters.quantities, "tau_0", "i_0"}
+    limited = [n.field in known for n in problem.shared]
     z = found.base.z.copy()
-    limited = np.array(held) | np.array(sensor)
     z[limited] = np.clip(z[limited], -WITHIN, WITHIN)
     return written(problem, Model(), z)
 
@@ -426,11 +409,8 @@ def _stages(
     blamed = {effect.stage for effect in named} | {item.stage for item in found.left}
     out: dict[str, StageGap] = {}
     for name in ("drive", "motor", "transmission", "load"):
-        if name in ms:
-            after = fit.mean_square[name] ** 0.5
-            out[name] = StageGap(ms[name] ** 0.5, after, name in blamed)
-        else:
-            out[name] = StageGap(0.0, 0.0, name in blamed)
+        after = fit.mean_square[name] ** 0.5 if name in ms else 0.0
+        out[name] = StageGap(ms.get(name, 0.0) ** 0.5, after, name in blamed)
     factor = max([finding.factor for finding in found.sensors], default=1.0)
     out["sensing"] = StageGap(factor, 1.0, "sensing" in blamed)
     return out

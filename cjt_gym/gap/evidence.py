@@ -103,28 +103,21 @@ class Evidence:
     """Data for a report's charts: maps of the fitted record, replays of the held-out one.
 
     Attributes:
-        t: Time of the samples [s], shape (N,).
-        before: Normalised residuals of the nominal joint by stage, each of shape (N,).
-        after: The same with the named effects.
         replays: Measured, nominal and explained signals by channel.
-        steps: Names of the effects and the residuals' rms after each, in the order of discovery.
         replay_dt: Sample time of the replays [s].
         restarted: Interval after which each replay restarts from the measured state [s]; 0 for
             one replay of the whole record.
         ladder: Replay errors from the nominal joint to the explained one.
         regimes: For each stage with a gap its regimes before, and the remainder of each as a
-            share of the same total; the stage with the largest gap first.
+            share of the same total; the stage with the largest gap first. Empty where the stages
+            were not judged.
         friction: Friction maps.
         ripple: Torque that repeats with the motor's angle, if there is any motion.
         spring: Torque over deflection, if there is a spring between measurements.
         source: Inputs of the diagnosis.
     """
 
-    t: Floats
-    before: Mapping[str, Floats]
-    after: Mapping[str, Floats]
     replays: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
-    steps: tuple[tuple[str, Mapping[str, float]], ...] = ()
     replay_dt: float = 1e-3
     restarted: float = 0.0
     ladder: tuple[Step, ...] = ()

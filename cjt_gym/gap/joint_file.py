@@ -157,7 +157,7 @@ def _worsen(
     """Set a channel's noise or resolution to the value found."""
     key, found = next(iter(effect.parameters.items()))
     channel = str(effect.channel)
-    value, low, high = (_rounded(x) for x in (found.value, found.low, found.high))
+    value, low, high = (rounded(x) for x in (found.value, found.low, found.high))
     quantity = Quantity(value, found.unit, source, low=low, high=high)
     sensors.setdefault(channel, {})[key] = quantity
     entries = table.setdefault(effect.name, {})
@@ -189,9 +189,10 @@ def _refine_lag(table: Table, lag: float, deviation: float, source: str) -> None
     old = entries.get("bandwidth")
     if isinstance(old, Quantity):
         text = f"refined from {old.number:.6g}, {source}"
-        bandwidth = _rounded(1.0 / (2.0 * math.pi * lag))
-        entries["bandwidth"] = Quantity(bandwidth, old.unit, text, tolerance=_rounded(deviation))
+        bandwidth = rounded(1.0 / (2.0 * math.pi * lag))
+        entries["bandwidth"] = Quantity(bandwidth, old.unit, text, tolerance=rounded(deviation))
 
 
-def _rounded(x: float) -> float:
+def rounded(x: float) -> float:
+    """Return a number with six digits."""
     return float(f"{x:.6g}")

@@ -142,7 +142,6 @@ def test_records_with_zeros_of_their_own_are_explained_together() -> None:
     assert named(found) == ["coulomb"]
     assert level(found) == pytest.approx(2.0, rel=0.02)
     assert found.gap.held_out
-    assert len(found.evidence.before["motor"]) == len(found.evidence.t)
 
 
 def test_friction_that_is_smooth_near_rest_shows_its_width() -> None:

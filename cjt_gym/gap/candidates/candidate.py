@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -59,7 +59,6 @@ class Scales:
     speed: float  # of the motor [rad/s]
     deflection: float  # of the spring [rad]
     current: float  # [A]
-    duration: float = field(default=10.0)
 
 
 def scales(setting: Setting) -> Scales:
@@ -73,7 +72,7 @@ def scales(setting: Setting) -> Scales:
     load = float(np.std(s["tau"])) if "tau" in s else torque
     # A deflection below the encoder's resolution is not a usable scale.
     deflection = max(load / bar, setting.std("q_m"), 1e-12)
-    return Scales(torque, speed, deflection, current, len(s) * s.dt)
+    return Scales(torque, speed, deflection, current)
 
 
 def most_damping(setting: Setting, body: str) -> float:

@@ -82,7 +82,7 @@ def judged(
     excluded = {row.name: row.why for row in exam.cannot_tell} if exam is not None else {}
     try:
         case = make_case(records, held, file, shape)
-        stages = as_joint(first.joint, case) if first.evidence.t.size else None
+        stages = as_joint(first.joint, case) if first.evidence.regimes else None
         names, settled = [e.name for e in first.effects], first.verdict in SETTLED
         found = judge(case, stages, progress, names, excluded, explained=settled)
     except (CjtGymError, np.linalg.LinAlgError) as error:
@@ -97,7 +97,7 @@ def judged(
             text = f"{said} {told.unexplained.text}"
             told = replace(told, unexplained=replace(told.unexplained, text=text))
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
-    told = retold(first, found, excluded, _title(records[0]))
+    told = retold(first, found, excluded, title_of(records[0]))
     told = _with_elsewhere(told, first, found, measured=any("i" in one for one in records))
     told = allowed_by(told, excluded)
     if found.answer == "datasheet" and found.cut and _near(found):
@@ -276,10 +276,8 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     """
     doubtful = {*excluded, "coulomb"} if excluded.keys() >= ONE_WAY else set(excluded)
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
-    effects = tuple(
-        e.doubted("check says that this record cannot tell it") if e.name in doubtful else e
-        for e in open_
-    )
+    said = "check says that this record cannot tell it"
+    effects = tuple(e.doubted(said) if e.name in doubtful else e for e in open_)
     return replace(first, effects=effects)
 
 
@@ -289,5 +287,6 @@ def _is_vague(effect: NamedEffect) -> bool:
     return f is not None and f.high - f.low > VAGUELY * abs(f.value)
 
 
-def _title(record: Record) -> str:
+def title_of(record: Record) -> str:
+    """Return a short name of a record: that of its file."""
     return record.owner if record.origin is None else record.origin.stem

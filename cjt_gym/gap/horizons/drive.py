@@ -40,8 +40,6 @@ class DriveFit:
     Attributes:
         delay: Dead time [s].
         lag: Time constant [s].
-        gain: Current per command.
-        offset: Current at no command [A].
         before: rms residual of the current with the command alone [A].
         after: rms residual with dead time and lag [A].
         step: Accuracy of the dead time [s].
@@ -50,8 +48,6 @@ class DriveFit:
 
     delay: float
     lag: float
-    gain: float
-    offset: float
     before: float
     after: float
     step: float
@@ -83,24 +79,24 @@ def fit_drive(log: Log, pieces: list[Piece]) -> DriveFit | None:
     plain, tried = _left(i, c, use), []
     for lag in LAGS:
         slow = _lagged(c, lag)
-        trials = [(*_left(i, _late(slow, delay), use), delay, lag) for delay in DELAYS]
+        trials = [(_left(i, _late(slow, delay), use), delay, lag) for delay in DELAYS]
         tried.append(min(trials, key=lambda trial: float(np.sum(trial[0] ** 2))))
     best = min(tried, key=lambda trial: float(np.sum(trial[0] ** 2)))
     if np.sum(best[0] ** 2) > LAGS_BY * np.sum(tried[0][0] ** 2):
         best = tried[0]
-    left, gain, offset, delay, lag = best
+    left, delay, lag = best
     if np.sum(left**2) > (1.0 - FOLLOWS) * np.sum((i[use] - np.mean(i[use])) ** 2):
         return None
     index = np.flatnonzero(use)
     better = [
-        np.sum(left[a:b] ** 2) < np.sum(plain[0][a:b] ** 2)
+        np.sum(left[a:b] ** 2) < np.sum(plain[a:b] ** 2)
         for p in pieces
         if (a := np.searchsorted(index, p.start)) < (b := np.searchsorted(index, p.stop))
         and np.ptp(c[p.start : p.stop]) > 0.0
     ]
     return DriveFit(
-        float(delay * log.dt), float(lag * log.dt), gain, offset,
-        float(np.sqrt(np.mean(plain[0] ** 2))), float(np.sqrt(np.mean(left**2))),
+        float(delay * log.dt), float(lag * log.dt),
+        float(np.sqrt(np.mean(plain**2))), float(np.sqrt(np.mean(left**2))),
         0.25 * log.dt, float(np.mean(better)) if better else 0.0,
     )  # fmt: skip
 
@@ -117,8 +113,7 @@ def _late(c: Floats, delay: float) -> Floats:
     return np.asarray(np.interp(at, np.arange(len(c)), c))
 
 
-def _left(i: Floats, model: Floats, use: NDArray[np.bool_]) -> tuple[Floats, float, float]:
-    """Return the residual, gain and offset of a regression of the current on a model."""
+def _left(i: Floats, model: Floats, use: NDArray[np.bool_]) -> Floats:
+    """Return the residual of a regression of the current on a model."""
     x = np.stack([model[use], np.ones(int(use.sum()))], axis=1)
-    (gain, offset), *_ = np.linalg.lstsq(x, i[use], rcond=None)
-    return i[use] - x @ np.array([gain, offset]), float(gain), float(offset)
+    return np.asarray(i[use] - x @ np.linalg.lstsq(x, i[use], rcond=None)[0])

@@ -44,7 +44,6 @@ class Log:
     """One record, ready to be predicted.
 
     Attributes:
-        name: Description of the record.
         dt: Sample time [s].
         t: Time of the samples [s], shape (N,).
         drive: Channel that drives the joint.
@@ -60,7 +59,6 @@ class Log:
         past: Current from the beginning of the file up to the first sample [A], shape (M,).
     """
 
-    name: str
     dt: float
     t: Floats
     drive: Drive
@@ -151,7 +149,7 @@ def to_log(
     heat = even.get("temperature")
     warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
-        record.owner, dt, grid, drive, command, wanted, load, shown, states,
+        dt, grid, drive, command, wanted, load, shown, states,
         _known(shown, held, structure), acceleration, ~holes, warm,
         current_before(grid[0], whole, file, dt),
     )  # fmt: skip

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,11 +33,10 @@ def pictured(judged: Judgement, first: Evidence) -> Evidence:
         channel: {key: np.concatenate([part[channel][key] for part in parts]) for key in KEYS}
         for channel in log.measured
     }
-    nothing: Floats = np.zeros(0)
-    return replace(
-        Evidence(nothing, {}, {}, source=first.source),
+    return Evidence(
         regimes={stage: (before, ()) for stage, (before, _) in first.regimes.items()},
         replays=signals, replay_dt=log.dt, restarted=groups[0].length * log.dt,
+        source=first.source,
     )  # fmt: skip
 
 

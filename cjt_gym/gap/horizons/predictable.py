@@ -33,12 +33,10 @@ class Predictable:
     Attributes:
         share: Share of their mean square that a regression predicts on unseen pieces, 0 to 1.
         deviation: Standard deviation of that share, from the folds.
-        windows: Number of windows.
     """
 
     share: float
     deviation: float
-    windows: int
 
 
 def features(windows: Windows, key: tuple[str, float]) -> Floats:
@@ -78,7 +76,7 @@ def predictable(
     good = np.isfinite(error)
     error, pieces, x = error[good], pieces[good], x[good]
     if len(error) < FEWEST or len(np.unique(pieces)) < FOLDS or not np.any(error):
-        return Predictable(0.0, 1.0, len(error))
+        return Predictable(0.0, 1.0)
     size = np.median(np.abs(error)) / 0.6745
     y = np.clip(error, -CLIP * size, CLIP * size) if size > 0.0 else error
     rng = np.random.default_rng(seed)
@@ -88,7 +86,7 @@ def predictable(
     order = np.unique(pieces)
     fold = (np.searchsorted(order, pieces) * FOLDS) // len(order)
     shares = _shares(phi, y, fold)
-    return Predictable(float(np.clip(shares[0], 0.0, 1.0)), float(shares[1]), len(error))
+    return Predictable(float(np.clip(shares[0], 0.0, 1.0)), shares[1])
 
 
 def _shares(phi: Floats, y: Floats, fold: Integers) -> tuple[float, float]:

@@ -41,7 +41,6 @@ class Setting:
         joint: The nominal joint.
         nominal: Its fields.
         noise: Scatter of each channel.
-        jitter: Deviation of the sampling times [s].
         process: Torque noise on the motor beyond what is specified [N m].
         allowance: Factor by which the motor's residual may exceed what white noise explains.
         still_load: Whether a load that could move does not.
@@ -52,7 +51,6 @@ class Setting:
     joint: JointFile
     nominal: Fields
     noise: Mapping[str, ChannelNoise]
-    jitter: float
     process: float = 0.0
     allowance: float = 1.0
     still_load: bool = False
@@ -134,7 +132,7 @@ def make_setting(
     if "q_m" in series.derived:
         std = noise["tau"].std * compliance(joint, structure)
         noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
-    setting = Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)
+    setting = Setting(series, structure, joint, nominal_fields(joint, structure), noise)
     return replace(setting, still_load=still and setting.has_spring and not structure.output_fixed)
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import PurePath
-
-import numpy as np
 
 from cjt_gym.gap.diagnosis import Diagnosis, GapSize, StageGap, Suggestion, Unexplained
 from cjt_gym.gap.evidence import Evidence, Source
@@ -17,24 +15,21 @@ from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 
-def gather(problem: Problem, fit: Fit, within: Written, before: Mapping[str, Floats]) -> Evidence:
+def gather(problem: Problem, fit: Fit, within: Written, before: Floats) -> Evidence:
     """Return the data of the stages for a report's charts.
 
     Args:
         problem: The record.
         fit: Its explanation.
         within: The nominal joint with its values limited to their tolerances.
-        before: Residuals of the latter by stage, each of shape (N,).
+        before: Residual of its motor, shape (N,).
     """
     stages = problem.stages
     after = written(problem, fit.model, fit.z)
-    left = stages.first(fit.residuals)
+    left = stages.first(fit.residuals)["motor"]
     return Evidence(
-        t=stages.setting.series.t,
-        before=before,
-        after=left,
         friction=friction_maps(stages, within, after),
-        ripple=ripple(stages, (within.fields, before["motor"]), (after.fields, left["motor"])),
+        ripple=ripple(stages, (within.fields, before), (after.fields, left)),
         spring=spring_loop(stages, within.fields, after.fields),
     )
 
@@ -58,7 +53,6 @@ def nothing_said(
     names = ("drive", "motor", "transmission", "sensing", "load")
     text = f"The stages could not be judged one by one on this record ({why})."
     advice = "Record at a higher rate, with the channels that `cjt-gym check` misses."
-    nothing: Floats = np.zeros(0)
     return Diagnosis(
         verdict="unexplained",
         stages={name: StageGap(0.0, 0.0, significant=False) for name in names},
@@ -68,7 +62,7 @@ def nothing_said(
         unexplained=Unexplained(1.0, None, text),
         suggestion=Suggestion(advice),
         seconds=0.0,
-        evidence=Evidence(nothing, {}, {}, source=source_of(file, shape, fitted, held_out)),
+        evidence=Evidence(source=source_of(file, shape, fitted, held_out)),
         joint=file,
     )
 

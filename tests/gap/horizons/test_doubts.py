@@ -93,7 +93,7 @@ def told() -> Diagnosis:
 
 
 def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Diagnosis) -> None:
-    late = DriveFit(4e-3, 0.0, 1.0, 0.0, 1.0, 0.3, 5e-4, 1.0)
+    late = DriveFit(4e-3, 0.0, 1.0, 0.3, 5e-4, 1.0)
     found = Judgement(replace(case, drive=late), "stages", case.joint, ())
     open_ = replace(told, unexplained=replace(told.unexplained, stage="drive"))
     (delay,) = (e for e in _with_late_drive(open_, found).effects if e.name == "command_delay")
@@ -185,7 +185,7 @@ def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Ca
 
 
 @pytest.mark.parametrize(
-    ("left", "verdict"), [(None, "unexplained"), (Predictable(0.02, 0.05, 80), "no_gap")]
+    ("left", "verdict"), [(None, "unexplained"), (Predictable(0.02, 0.05), "no_gap")]
 )
 def test_what_nobody_could_judge_is_not_called_no_gap(
     left: Predictable | None, verdict: str, case: Case

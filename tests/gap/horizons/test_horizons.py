@@ -312,7 +312,7 @@ def test_stages_do_not_explain_where_most_of_an_error_is_predictable(
     plain: tuple[Case, Found], told: Diagnosis,
 ) -> None:  # fmt: skip
     case = plain[0]
-    left = Predictable(share, 0.4, 80)
+    left = Predictable(share, 0.4)
     rows = (Row(0.1, "q_m", before, None, 0.5, 0.5 * (1.0 - share) ** 0.5, left),)
     found = Judgement(case, "stages", case.joint, rows)
     sure = tuple(replace(effect, status="confirmed") for effect in told.effects)
