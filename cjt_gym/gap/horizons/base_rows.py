@@ -11,7 +11,7 @@ from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, body_grou
 from cjt_gym.gap.horizons.rows import BODIES, sets
 from cjt_gym.gap.horizons.sheet import datasheet_number
 from cjt_gym.gap.recorded.tolerances import GUESSED, VAGUE, tolerance_of
-from cjt_gym.joint import Joint
+from cjt_gym.joint import Joint, JointFile
 
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
 """Relative deviation of datasheet values that state no tolerance."""
@@ -42,33 +42,23 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         _damping(joint, scales),
     ]
     if scales.driven > BACKDRIVEN:
-        number = datasheet_number(file, "k_t", K_T, MISSTATED)
-        put = sets("torque_constant", "k_t")
-        found.append(Term("torque_constant", (number,), put, nominal=(file.parameters.k_t,)))
-    if groups.groups[1] != groups.groups[2] and file.parameters.get("k_b", 0.0) > 0.0:
-        number = datasheet_number(file, "k_b", STIFFNESS, 100.0)
-        found.append(
-            Term("stiffness", (number,), sets("stiffness", "k_b"), nominal=(number.start,))
-        )
+        found.append(_stated(file, "torque_constant", "k_t", K_T, MISSTATED))
+    if groups.has_spring and file.parameters.get("k_b", 0.0) > 0.0:
+        found.append(_stated(file, "stiffness", "k_b", STIFFNESS))
         if not groups.output_fixed:
             found.append(_spring_damping(joint))
-    if groups.groups[0] != groups.groups[1] and file.parameters.get("k_g", 0.0) > 0.0:
-        number = datasheet_number(file, "k_g", STIFFNESS, 100.0)
-        found.append(
-            Term(
-                "gear_stiffness",
-                (number,),
-                sets("gear_stiffness", "k_g"),
-                nominal=(number.start,),
-            )
-        )
+    if groups.has_gear and file.parameters.get("k_g", 0.0) > 0.0:
+        found.append(_stated(file, "gear_stiffness", "k_g", STIFFNESS))
     if groups.groups[2] >= 0 and groups.groups[2] != groups.groups[0]:
-        number = datasheet_number(file, "I_l", INERTIA, 100.0)
-        found.append(
-            Term("load_inertia", (number,), sets("load_inertia", "I_l"), nominal=(number.start,))
-        )
+        found.append(_stated(file, "load_inertia", "I_l", INERTIA))
     others = [b for b in "gl" if b not in body_group(groups, "m") and is_damping_stated(joint, b)]
     return (*found, *(_stated_damping(joint, scales, body) for body in others))
+
+
+def _stated(file: JointFile, effect: str, symbol: str, usual: float, reach: float = 100.0) -> Term:
+    """Return the term of a datasheet value."""
+    number = datasheet_number(file, symbol, usual, reach)
+    return Term(effect, (number,), sets(effect, symbol), nominal=(number.start,))
 
 
 def is_damping_stated(joint: Joint, body: str) -> bool:
@@ -116,9 +106,7 @@ def _put_inertia(joint: Joint) -> Put:
             s: x * rest / (total - known) for s, x in guess.items() if x > 0.0 and rest > 0.0
         }
         new = own | changed if changed else {s: x * values[0] for s, x in own.items()}
-        draft.row("inertia")["I_m"] = new["I_m"]
-        if "I_g" in own:
-            draft.row("inertia")["I_g"] = new["I_g"]
+        draft.row("inertia").update((s, x) for s, x in new.items() if s != "I_l")
         if own.get("I_l", 0.0) > 0.0:
             draft.row("load_inertia")["I_l"] = new["I_l"]
 

@@ -22,7 +22,7 @@ def least_squares(joint: Joint, log: Log) -> Joint | None:
     never changes.
     """
     shape, p = joint.structure_row, joint.parameters
-    sprung = shape.groups[1] != shape.groups[2]
+    sprung = shape.has_spring
     if "q_m" not in log.measured or log.voltage or (sprung and "tau" not in log.measured):
         return None
     use = log.whole

@@ -170,8 +170,7 @@ def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[F
 
 def _moving(joint: Joint, logs: Sequence[Log], wave: Spent | None = None) -> tuple[Floats, Floats]:
     """Return regressors and torque over all records; empty if a required channel is missing."""
-    shape = joint.structure_row
-    sprung = shape.groups[1] != shape.groups[2]
+    sprung = joint.structure_row.has_spring
     usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
     if not usable or any(log.voltage for log in usable):
         return np.zeros((0, 6)), np.zeros(0)

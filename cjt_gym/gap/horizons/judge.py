@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.diagnosis import Horizon
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case
@@ -72,36 +73,19 @@ LOUD = 0.6
 
 
 @dataclass(frozen=True)
-class Row:
-    """One row of the table of horizons: relative errors on held-out data.
+class Row(Horizon):
+    """One row of the table of horizons; 0 s stands for a whole piece of a held output.
 
     Attributes:
-        seconds: Horizon [s]; 0 for a whole piece of a held output.
-        channel: Predicted channel.
-        datasheet: Error of the nominal joint.
-        least_squares: Error of a regression on inertia, damping, Coulomb friction and offset.
-        found: Error of the answer.
-        floor: Error that no model could predict; None if unknown.
         left: Predictable part of the answer's error.
     """
 
-    seconds: float
-    channel: str
-    datasheet: float
-    least_squares: float | None
-    found: float
-    floor: float | None
     left: Predictable | None
 
     @property
     def unexplained(self) -> bool:
         """Whether the remaining error is clearly above the unpredictable part."""
-        return (
-            self.left is not None
-            and self.found > TRIVIAL
-            and self.left.share > LEFT_SHARE
-            and self.left.share > LEFT_CLEAR * self.left.deviation
-        )
+        return self.left is not None and _left(self.found, self.left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,19 +157,12 @@ def judge(
         open_ = any(_left(errors[key], one) for key, one in known.items())
         worst = max((e for key, e in errors.items() if key[1] != min(HORIZONS)), default=0.0)
         near, loud = worst < NEAR, worst > LOUD
-        missed = any(
-            _left(errors[key], one) and one.share > MISSED
-            for key, one in known.items()
-            if key[1] != min(HORIZONS)
-        )
+        ahead = [(errors[key], one) for key, one in known.items() if key[1] != min(HORIZONS)]
+        missed = any(_left(error, one) and one.share > MISSED for error, one in ahead)
         doubtful = open_ and (loud or missed)
         if _cut(case) and not (own or doubtful or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
-        short = any(
-            errors[key] > SMALL and one.share > HALF
-            for key, one in known.items()
-            if key[1] != min(HORIZONS)
-        )
+        short = any(error > SMALL and one.share > HALF for error, one in ahead)
         whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
         settled = explained and not (own or open_ or short) and near and whole < TRIVIAL
         if settled and _no_worse(case, joints, "stages"):
@@ -230,8 +207,7 @@ def _fails(case: Case, errors: dict[Key, float]) -> bool:
 
 def _cut(case: Case) -> bool:
     """Return whether a measured torque cuts the joint into stages, which makes them sharper."""
-    shape = case.joint.structure_row
-    sprung = shape.groups[1] != shape.groups[2]
+    sprung = case.joint.structure_row.has_spring
     return sprung and any("tau" in log.measured for log in case.logs)
 
 
@@ -244,6 +220,7 @@ def _sound(case: Case, joints: dict[str, Joint]) -> str:
 
 
 def _left(error: float, one: Predictable) -> bool:
+    """Return whether an error is clearly above its unpredictable part."""
     return error > TRIVIAL and one.share > LEFT_SHARE and one.share > LEFT_CLEAR * one.deviation
 
 

@@ -130,9 +130,8 @@ def to_log(
     grid = t[0] + dt * np.arange(round((t[-1] - t[0]) / dt) + 1)
     even = {n: _even(grid, t, x) for n, x in columns.items()}
     drive, command = _driving(record, even, file)
-    sprung = structure.groups[1] != structure.groups[2]
     followed = not measured and drive == "i" and "i_cmd" in even
-    if sprung and followed and _followed(even["i"], even["i_cmd"]):
+    if structure.has_spring and followed and _followed(even["i"], even["i_cmd"]):
         drive, command = "i_cmd", even["i_cmd"]
     shown = _measured(record, even, file, structure, grid)
     used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]
@@ -246,9 +245,8 @@ def _relaxed(
     take from the input, which may differ with the direction. The motor's angle is left unchanged,
     because cogging and ripple refer to its zero.
     """
-    if structure.groups[1] == structure.groups[2] or "q_m" not in measured:
-        return 0.0
-    if q_l is None and not structure.output_fixed:
+    unseen = "q_m" not in measured or (q_l is None and not structure.output_fixed)
+    if unseen or not structure.has_spring:
         return 0.0
     q_m = measured["q_m"]
     twist = q_m - (q_l if q_l is not None else 0.0)

@@ -107,10 +107,9 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
     measured = set().union(*(log.measured for log in logs))
     if "tau" in measured:
         found += _torque_sensor(logs)
-    if shape.groups[1] != shape.groups[2]:
+    if shape.has_spring:
         found += _spring(joint, logs)
-    kept = [t for t in found if EFFECTS[t.name].acts_in(shape, drive)]
-    return tuple(kept)
+    return tuple(t for t in found if EFFECTS[t.name].acts_in(shape, drive))
 
 
 def likelier(terms: Sequence[Term], names: Collection[str]) -> list[Term]:

@@ -48,7 +48,6 @@ TRIVIAL = 0.03
 AWAY = 100.0
 """Largest relative error, which stands for a prediction that is not finite."""
 TINY = 1e-12
-_NONE: tuple[Integers, Integers] = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
 
 @dataclass(frozen=True)
@@ -257,11 +256,11 @@ def make_windows(
             own = [(k, p) for k, p in left if p.stop - p.start > length]
             left = [(k, p) for k, p in left if p.stop - p.start <= length]
             share = most * sum(p.stop - p.start for _, p in own) / total
-            starts, numbers = _spread(own, length, max(share, 1.0)) if own else _NONE
+            starts, numbers = _spread(own, length, max(share, 1.0))
             if len(starts):
                 first = np.array([pieces[k].start for k in numbers])
                 room = starts if log.whole.all() else starts - first
-                lead = np.minimum(_lead(log), room)
+                lead = np.minimum(max(round(LEAD / log.dt), 3), room)
                 groups.append(Group(number, HORIZONS[:count], starts, length, numbers, lead))
     if whole:
         longest = max((p.stop - p.start for p in pieces), default=0)
@@ -274,27 +273,20 @@ def make_windows(
     return _scaled(tuple(logs), tuple(groups))
 
 
-def _lead(log: Log) -> int:
-    return max(round(LEAD / log.dt), 3)
-
-
 def _spread(
     own: Sequence[tuple[int, Piece]], length: int, share: float
 ) -> tuple[Integers, Integers]:
-    """Return starts and piece numbers of windows, spread as evenly as the pieces allow."""
-    room = [max(p.stop - p.start - length, 0) for _, p in own]
-    fits = [r > 0 for r in room]
-    total = sum(p.stop - p.start for (_, p), f in zip(own, fits, strict=True) if f)
+    """Return starts and piece numbers of windows, spread evenly; each piece is longer than one."""
+    total = sum(p.stop - p.start for _, p in own)
     starts: list[int] = []
     numbers: list[int] = []
     due = 0.0
-    for (k, p), r, f in zip(own, room, fits, strict=True):
-        if not f:
-            continue
+    for k, p in own:
         due += share * (p.stop - p.start) / total
         count = int(due)
         due -= count
-        places = np.unique(p.start + ((np.arange(count) + 0.5) / max(count, 1) * r).astype(int))
+        room = p.stop - p.start - length
+        places = np.unique(p.start + ((np.arange(count) + 0.5) / max(count, 1) * room).astype(int))
         starts += places.tolist()
         numbers += [k] * len(places)
     return np.array(starts, dtype=np.int64), np.array(numbers, dtype=np.int64)

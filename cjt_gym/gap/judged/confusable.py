@@ -44,11 +44,6 @@ def _richer(name: str) -> set[str]:
     return {law for law, simpler in SIMPLER.items() if name in simpler}
 
 
-def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]) -> list[str]:
-    """Return effects that could replace one effect of a fit, best first."""
-    return list(rival_fits(problem, base, fit, index, seen))
-
-
 def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> float:
     """Return the evidence of the best fit without one of a model's effects.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
 from cjt_gym.gap.judged.confidence import confidence
-from cjt_gym.gap.judged.confusable import best_rival, rivals
+from cjt_gym.gap.judged.confusable import best_rival, rival_fits
 from cjt_gym.gap.judged.gap_size import harms
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.missing import same_here, undecided
@@ -216,7 +216,7 @@ def _is_strained(found: Explanation) -> bool:
 
 def _confusable(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> tuple[str, ...]:
     """Return effects that could replace an effect in this explanation or with these channels."""
-    names = rivals(found.problem, found.base, found.fit, index, found.seen)
+    names = rival_fits(found.problem, found.base, found.fit, index, found.seen)
     name = found.fit.model.effects[index].name
     warmth = ("thermal_derating",) if _warm(found, index, numbers) else ()
     same = same_here(found.problem.stages.setting, name)

@@ -223,15 +223,14 @@ def _crosses(
     for name, model in models.items():
         there = Problem.of(Stages(pretended(problem.stages.setting, model, current)))
         there.stages.tune(model.fields)
-        made[name] = (
-            there,
-            _evaluated(there, fits[name].model, _moved(problem, there, fits[name])),
-        )
+        at = _moved(problem, there, fits[name])
+        made[name] = (there, _evaluated(there, fits[name].model, at))
     found = []
     for true, rival in permutations(fits, 2):
         there, own = made[true]
         if _contains(fits[rival].model, fits[true].model):
-            found.append(_nested(true, rival))
+            # It fits equally well on any input.
+            found.append(Cross(true, rival, 0.0, "motor", 1.0))
         else:
             start = Fit(fits[rival].model, _moved(problem, there, fits[rival]), 0.0, {}, {})
             found.append(_cross(true, rival, start, there, own))
@@ -245,11 +244,6 @@ def _contains(model: Model, other: Model) -> bool:
     if len(more) == len(less) == 1:
         return less[0].name in SIMPLER.get(more[0].name, ())
     return not less
-
-
-def _nested(true: str, rival: str) -> Cross:
-    """Return the result for a rival that contains the truth: it fits equally well on any input."""
-    return Cross(true, rival, 0.0, "motor", 1.0)
 
 
 def _cross(true: str, rival: str, start: Fit, there: Problem, own: Fit) -> Cross:

@@ -81,18 +81,14 @@ def _steps(t: Floats) -> Floats:
 
 
 def _holds(t: Floats) -> Floats:
+    """Return constant levels, with ramps of a fifth of their time in between."""
     levels = (0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
     time = t[-1] / len(levels)
-    return np.asarray(np.interp(t, *_smooth_levels(levels, time)))
-
-
-def _smooth_levels(levels: tuple[float, ...], time: float) -> tuple[list[float], list[float]]:
-    """Return corners [s] and values of constant levels, with ramps of a fifth in between."""
     corners, values = [0.0], [0.0]
     for k, level in enumerate(levels):
         corners += [(k + 0.2) * time, (k + 1.0) * time]
         values += [level, level]
-    return corners, values
+    return np.asarray(np.interp(t, corners, values))
 
 
 def _top(t: Floats) -> float:

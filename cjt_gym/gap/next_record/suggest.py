@@ -159,7 +159,7 @@ def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:
 
 def record_of(problem: Problem, prospect: Prospect) -> Record:
     """Return an input as an excitation: a record of commands without measurements."""
-    setting: Setting = problem.stages.setting
+    setting = problem.stages.setting
     p = setting.joint.parameters
     current = prospect.current
     columns = {
@@ -168,8 +168,7 @@ def record_of(problem: Problem, prospect: Prospect) -> Record:
         "tau_cmd": current * setting.nominal["k_t"] * setting.nominal["n"],
     }
     units = default_units(tuple(columns), prismatic=p.axis == "prismatic")
-    if "i_cmd" in units:
-        units["i_cmd"] = setting.command_unit
+    units["i_cmd"] = setting.command_unit
     return Record(
         columns,
         units,

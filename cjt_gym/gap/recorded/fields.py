@@ -117,10 +117,7 @@ def of_record(fields: Fields, number: int) -> Fields:
 
 def friction_law(fields: Fields, body: str) -> NDArray[np.float64]:
     """Return a body's friction law in the kernel's format, shape (10,); body is m, g or l."""
-    law = np.empty(LAW_SIZE)
-    for column, name in enumerate(LAW):
-        law[column] = fields[f"{name}_{body}"]
-    return law
+    return np.array([fields[f"{name}_{body}"] for name in LAW])
 
 
 def has_friction(fields: Fields, body: str) -> bool:

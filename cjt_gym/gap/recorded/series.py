@@ -322,8 +322,7 @@ def _integral(velocity: Floats, t: Floats) -> Floats:
 def compliance(joint: JointFile, structure: Structure) -> float:
     """Return the deflection between motor and load per joint torque [rad/(N m)]."""
     p = joint.parameters
-    gear = structure.groups[1] != structure.groups[0]
-    return 1.0 / p.k_b + (1.0 / p.k_g if gear else 0.0)
+    return 1.0 / p.k_b + (1.0 / p.k_g if structure.has_gear else 0.0)
 
 
 def _filled(record: Record) -> str:

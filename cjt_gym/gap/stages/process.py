@@ -9,8 +9,8 @@ share grows with velocity, that make these most likely count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,16 +76,12 @@ def settle_noise(stages: Stages, fields: Fields) -> None:
         shakes = [k * s.series.dt for k in SHAKES]
     torque, shake = strongest, shakes[0]
     for _ in range(2 if len(shakes) > 1 else 1):
-        torque = _best(torques, lambda x, fixed=shake: cost(x, fixed))  # type: ignore[misc]
-        shake = _best(shakes, lambda x, fixed=torque: cost(fixed, x))  # type: ignore[misc]
+        torque = min(torques, key=partial(cost, shake=shake))
+        shake = min(shakes, key=partial(cost, torque))
     _set(stages, torque, shake)
     stages.others = others
     for other in others:
         other.setting = as_noisy(other.setting, stages.setting)
-
-
-def _best(choices: Sequence[float], cost: Callable[[float], float]) -> float:
-    return min(choices, key=cost)
 
 
 def _set(stages: Stages, torque: float, shake: float) -> None:
