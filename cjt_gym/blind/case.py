@@ -122,9 +122,7 @@ def _case(
     world, sheet = draw_joint(plan.structure, of_joint)
     flaws = draw_defects(plan.defects, plan.structure, sheet, of_defects)
     world, told = flaws.applied(world), flaws.stated(sheet)
-    signals = [
-        _signal(plan, world, sheet, turn, rng) for turn, rng in enumerate(of_records.spawn(2))
-    ]
+    signals = [_signal(plan, sheet, turn, rng) for turn, rng in enumerate(of_records.spawn(2))]
     seeds = of_records.spawn(4)
     plain = _record(world, sheet, plan.closed[0], signals[0], seeds[0], ROUGH_STEP)
     scales = scales_of(world, plain)
@@ -156,9 +154,7 @@ def _case(
     return Case(told, plan.structure.name, logs[0], logs[1], label, true)
 
 
-def _signal(
-    plan: Plan, world: World, sheet: Datasheet, turn: int, rng: np.random.Generator
-) -> Floats:
+def _signal(plan: Plan, sheet: Datasheet, turn: int, rng: np.random.Generator) -> Floats:
     """Return the command [A] of an open loop or the torque reference [N m] of a closed one."""
     free = not plan.structure.is_locked
     samples = round(plan.duration / sheet.dt)

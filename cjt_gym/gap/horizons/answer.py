@@ -98,7 +98,7 @@ def judged(
             told = replace(told, unexplained=replace(told.unexplained, text=text))
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = retold(first, found, excluded, title_of(records[0]))
-    told = _with_elsewhere(told, first, found, measured=any("i" in one for one in records))
+    told = _with_elsewhere(told, first, measured=any("i" in one for one in records))
     told = allowed_by(told, excluded)
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
@@ -108,9 +108,7 @@ def judged(
     return told
 
 
-def _with_elsewhere(
-    told: Diagnosis, first: Diagnosis, found: Judgement, *, measured: bool
-) -> Diagnosis:
+def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Diagnosis:
     """Return a diagnosis with what the stages found where predictions of motion do not look.
 
     These are faults of sensors, and those of a drive whose current was measured.

@@ -133,7 +133,7 @@ def to_log(
     followed = not measured and drive == "i" and "i_cmd" in even
     if structure.has_spring and followed and _followed(even["i"], even["i_cmd"]):
         drive, command = "i_cmd", even["i_cmd"]
-    shown = _measured(record, even, file, structure, grid)
+    shown = _measured(record, even, structure, grid)
     used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]
     holes = _holes(grid, t, [columns[n] for n in used], dt)
     zero = _relaxed(shown, even.get("q_l"), command, structure, dt, ~holes)
@@ -203,7 +203,7 @@ def _followed(i: Floats, command: Floats) -> bool:
 
 
 def _measured(
-    record: Record, even: dict[str, Floats], file: JointFile, structure: Structure, grid: Floats
+    record: Record, even: dict[str, Floats], structure: Structure, grid: Floats
 ) -> dict[str, Floats]:
     """Return the channels that a joint of this structure predicts."""
     motor, gear, load = structure.groups

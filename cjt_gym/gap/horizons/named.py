@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_torque
-from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
+from cjt_gym.gap.horizons.fit import MOTION, Fit
 from cjt_gym.gap.horizons.grow import is_needed
 from cjt_gym.gap.horizons.held import slow_alike
 from cjt_gym.gap.horizons.inverse import feels_weight, inverse
@@ -64,14 +64,13 @@ def effects_of(
     """Return the effects to name, sorted by the share of the error that they remove."""
     if judged.found is None or judged.problem is None or judged.answer == "datasheet":
         return of_drive(judged)
-    found, problem = judged.found, judged.problem
-    spread = spread_of(problem, found.fit)
+    found, spread = judged.found, spread_of(judged.problem, judged.found.fit)
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
         open_ = term.name in excluded and not _is_overwhelming(judged, k)
         if there and term.told and not open_ and _deserves(judged, k, term, seen):
-            effect = _named(judged, problem, spread, k, term)
+            effect = _named(judged, spread, k, term)
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
     named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
@@ -184,9 +183,7 @@ def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Inter
     return found
 
 
-def _named(
-    judged: Judgement, problem: Problem, spread: Spread, index: int, term: Term
-) -> NamedEffect:
+def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEffect:
     assert judged.found is not None
     found = judged.found
     worth, test = found.worths[index], judged.tests[index] if judged.tests else None

@@ -41,11 +41,11 @@ class Spread:
     def intervals(self, index: int) -> dict[str, Interval]:
         """Return the numbers of a term with their 95 % intervals."""
         term, span = self.model.terms[index], self.model.span(index)
+        scale = motor_inertia(self.model.joint) if term.name == "inertia" else 1.0
         found = {}
         for number, at in zip(term.numbers, range(span.start, span.stop), strict=True):
             half = self.factor * float(np.sqrt(max(self.matrix[at, at], 0.0)))
             z = float(self.fit.z[at])
-            scale = self._scale(term.name, number.symbol)
             ends = sorted(scale * number.value(z + s * half) for s in (-1.0, 1.0))
             value = scale * number.value(z)
             found[number.symbol] = Interval(value, ends[0], ends[1], self._unit(term, number))
@@ -57,12 +57,6 @@ class Spread:
         if parameter is None:
             return number.unit
         return unit_on(parameter, self.model.joint.parameters)
-
-    def _scale(self, name: str, symbol: str) -> float:
-        """Return the value that a factor scales: the motor-side inertia, or 1."""
-        if name != "inertia":
-            return 1.0
-        return motor_inertia(self.model.joint)
 
 
 def spread_of(problem: Problem, fit: Fit) -> Spread:

@@ -120,9 +120,7 @@ def test_what_gives_way_by_a_turn_is_no_presliding(case: Case) -> None:
     assert all(number.low <= x < number.high for (x,) in bristles.starts)
 
 
-def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(
-    case: Case, told: Diagnosis
-) -> None:
+def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(told: Diagnosis) -> None:
     """What shakes a stage may scatter a channel as noise does, but puts it on no lattice."""
     step = {"resolution": Interval(1e-3, 1e-3, 1e-3, "rad")}
     coarse, noisy = (
@@ -133,12 +131,12 @@ def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(
     text = "No cause is named; refined values predict better: damping 2 for 1."
     silent = replace(told, verdict="no_gap", effects=())
     silent = replace(silent, unexplained=replace(told.unexplained, text=text))
-    found = _with_elsewhere(silent, first, Judgement(case, "base", case.joint, ()), measured=True)
+    found = _with_elsewhere(silent, first, measured=True)
     assert [(e.name, e.status) for e in found.effects] == [("quantization", "tentative")]
     assert found.verdict == "explained"
     assert found.unexplained.text == "Refined values predict better: damping 2 for 1."
     sure = replace(first, verdict="explained")
-    settled = _with_elsewhere(silent, sure, Judgement(case, "base", case.joint, ()), measured=True)
+    settled = _with_elsewhere(silent, sure, measured=True)
     assert [e.name for e in settled.effects] == ["quantization", "noise"]
 
 
@@ -146,33 +144,31 @@ def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(
     ("after", "measured", "named"), [(1.0, True, True), (5.0, True, False), (1.0, False, False)]
 )
 def test_a_drive_that_is_explained_is_told_whatever_the_motion_says(
-    after: float, measured: bool, named: bool, case: Case, told: Diagnosis
+    after: float, measured: bool, named: bool, told: Diagnosis
 ) -> None:
     limit = {"i_p": Interval(5.9, 5.8, 6.0, "A")}
     row = ("current_saturation", "drive", None, None, limit, "tentative", 0.5, 0.1, (), 1.0)
     stages = {**told.stages, "drive": StageGap(100.0, after, True)}
     first = replace(told, verdict="partly_explained", effects=(NamedEffect(*row),), stages=stages)
     silent = replace(told, verdict="no_gap", effects=())
-    judged = Judgement(case, "datasheet", case.joint, ())
-    found = _with_elsewhere(silent, first, judged, measured=measured)
+    found = _with_elsewhere(silent, first, measured=measured)
     assert [e.name for e in found.effects] == (["current_saturation"] if named else [])
 
 
-def test_a_current_that_is_clipped_is_no_late_one(case: Case, told: Diagnosis) -> None:
+def test_a_current_that_is_clipped_is_no_late_one(told: Diagnosis) -> None:
     def of_drive(name: str, status: str) -> NamedEffect:
         number = {"x": Interval(1.0, 0.9, 1.1, "A")}
         return NamedEffect(name, "drive", None, None, number, status, 0.5, 0.1, (), 1.0)
 
     stages = {**told.stages, "drive": StageGap(100.0, 1.0, True)}
-    judged = Judgement(case, "found", case.joint, ())
     late = replace(told, effects=(*told.effects, of_drive("command_delay", "tentative")))
     clipped = replace(told, effects=(of_drive("current_saturation", "confirmed"),), stages=stages)
-    found = _with_elsewhere(late, clipped, judged, measured=True)
+    found = _with_elsewhere(late, clipped, measured=True)
     assert [e.name for e in found.effects] == [
         "current_saturation", *(e.name for e in told.effects)
     ]  # fmt: skip
     silent = replace(told, effects=(), stages=stages)
-    assert _with_elsewhere(late, silent, judged, measured=True).effects == late.effects
+    assert _with_elsewhere(late, silent, measured=True).effects == late.effects
 
 
 def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Case) -> None:
