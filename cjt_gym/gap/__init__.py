@@ -12,6 +12,8 @@
 `next_record`  what to record next
 `report`       what is told: charts, page, summary
 =============  =============================================================
+
+`by_stages.py` makes a diagnosis of what the stages found; `horizons` has the last word.
 """
 
 from cjt_gym.gap.diagnose import diagnose

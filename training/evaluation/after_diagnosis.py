@@ -10,7 +10,7 @@ import numpy as np
 
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.gap import Diagnosis
-from cjt_gym.gap.diagnose import TAIL
+from cjt_gym.gap.by_stages import TAIL
 from cjt_gym.gap.diagnosis import GapSize
 from cjt_gym.gap.report.table import Table
 from cjt_gym.gap.report.words import number, percent

@@ -50,6 +50,9 @@ class Log:
         command: That channel [A], or [V] if it is a voltage, shape (N,).
         wanted: Command of the drive if the current was measured too [A], shape (N,).
         load: Torque on the load [N m], or velocity of a prescribed load [rad/s]; shape (N,).
+        acting: What drives the joint from each sample to the next [A] or [V], shape (N,): the
+            command, or the mean of what was measured at both.
+        pulling: Load from each sample to the next, likewise, shape (N,).
         measured: Channels to predict, of q_m, q_l and tau, each of shape (N,).
         states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
         known: Which states were measured or follow from measured channels, shape (6,).
@@ -65,6 +68,8 @@ class Log:
     command: Floats
     wanted: Floats | None
     load: Floats
+    acting: Floats
+    pulling: Floats
     measured: dict[str, Floats]
     states: Floats
     known: Flags
@@ -124,8 +129,10 @@ def to_log(
     columns = {n: x for n, x in columns.items() if np.isfinite(x).sum() > FEWEST}
     t = record.t
     dt = float(np.median(np.diff(t)))
+    every = 1
     if structure.size == 1 and not structure.output_fixed:
-        columns, t = _thinned(columns, t, max(int(ENOUGH / dt + 1e-9), 1))
+        every = max(int(ENOUGH / dt + 1e-9), 1)
+        columns, t = _thinned(columns, t, every)
         dt = float(np.median(np.diff(t)))
     grid = t[0] + dt * np.arange(round((t[-1] - t[0]) / dt) + 1)
     even = {n: _even(grid, t, x) for n, x in columns.items()}
@@ -142,13 +149,15 @@ def to_log(
     held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
     states, acceleration = _states(shown, held, even, structure, file, dt)
     load = even.get("tau_l", np.zeros(len(grid)))
+    pulling = _until_next(load, every)
     if structure.output_fixed:
-        load = states[:, 5]
+        load = pulling = states[:, 5]
+    acting = _until_next(command, every) if drive == "i" else command
     wanted = even.get("i_cmd") if drive == "i" else None
     heat = even.get("temperature")
     warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
-        dt, grid, drive, command, wanted, load, shown, states,
+        dt, grid, drive, command, wanted, load, acting, pulling, shown, states,
         _known(shown, held, structure), acceleration, ~holes, warm,
         current_before(grid[0], whole, file, dt),
     )  # fmt: skip
@@ -164,6 +173,15 @@ def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[st
         parts = x[: rows * every].reshape(rows, every)
         kept[name] = parts.mean(axis=1) if name in DRIVING else parts[:, 0]
     return kept, t[: rows * every : every]
+
+
+def _until_next(x: Floats, every: int) -> Floats:
+    """Return the mean from each sample to the next of what is measured at the samples.
+
+    Samples that are means over several rows, each of the value at its beginning, lack the rise
+    within a row only.
+    """
+    return np.asarray(x + np.diff(x, append=x[-1:]) / (2.0 * every))
 
 
 def _even(grid: Floats, t: Floats, x: Floats) -> Floats:

@@ -10,7 +10,7 @@ import pytest
 
 from cjt_gym.gap.horizons.base_rows import base_terms
 from cjt_gym.gap.horizons.model import Model, Scales
-from cjt_gym.gap.horizons.rows import _friction, _gravity
+from cjt_gym.gap.horizons.rows import _friction, gravity
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
 from cjt_gym.joint.joint import Joint
@@ -43,7 +43,7 @@ def test_a_number_that_is_fitted_as_a_difference_gets_the_interval_of_its_own() 
 
 def test_the_components_of_a_weight_become_its_size_and_angle() -> None:
     joint = Joint(datasheet(), "rigid", "current", {})
-    term = _gravity(joint, SCALES)
+    term = gravity(joint, SCALES)
     size = term.numbers[0].scale
     found = scatter([term], [0.0, 1.0 / size], np.diag([1e-4, 4e-4]) / size**2)
     assert dict(zip(found.names, found.values, strict=True)) == pytest.approx(
