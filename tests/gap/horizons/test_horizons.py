@@ -62,7 +62,7 @@ def test_a_window_is_predicted_as_the_joint_simulates_it() -> None:
     joint = Joint(case.joint.file, "rigid", "current", {})
     start = int(group.starts[3])
     stop = start + group.length
-    simulated = joint.simulate(log.command[start:stop], dt=log.dt, x0=log.states[start])
+    simulated = joint.simulate(log.acting[start:stop], dt=log.dt, x0=log.states[start])
     errors = case.fit.errors(joint)
     row = case.fit.keys.index(("q_m", 0.5))
     points = group.points(0.5, log.dt)

@@ -1,0 +1,39 @@
+"""What drives a joint between the rows of a log."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
+from cjt_gym.joint import get_structure
+from cjt_gym.records import Record
+from tests.gap.horizons.rotor import INERTIA, datasheet
+
+SWAY = 2.0 * np.pi * 2.0
+
+
+@pytest.mark.parametrize(("dt", "limit"), [(0.02, 0.02), (5e-4, 1e-3)])  # these are thinned
+@pytest.mark.parametrize("driving", ["i", "tau_l"])
+def test_what_was_measured_rises_from_row_to_row(dt: float, limit: float, driving: str) -> None:
+    t = dt * np.arange(round(4.0 / dt))
+    torque = np.sin(SWAY * t)
+    speed = (1.0 - np.cos(SWAY * t)) / (INERTIA * SWAY)
+    angle = (t - np.sin(SWAY * t) / SWAY) / (INERTIA * SWAY)
+    columns = {"t": t, "q_m": angle, "dq_m": speed, "i": np.zeros(len(t)), driving: torque}
+    units = {"t": "s", "q_m": "rad", "dq_m": "rad/s", "i": "A"}
+    units |= {"tau_l": "N m"} if driving == "tau_l" else {}
+    case = make_case(
+        [Record(columns, units, structure="rigid")], [], datasheet(1.0), get_structure("rigid")
+    )
+    (log,) = case.logs
+    starts = np.arange(20, len(log) - round(0.4 / log.dt), 7)
+    count = round(0.4 / log.dt)
+    lengths, leads = np.full(len(starts), count), np.zeros(len(starts), dtype=np.int64)
+    found = Forecast(case.joint, log).windows(starts, lengths, leads)[..., CHANNELS["q_m"]]
+    rows = starts[:, None] + np.arange(count)
+    true, first = log.measured["q_m"][rows], starts[:, None]
+    straight = log.states[first, 0] + log.speed[first] * log.dt * np.arange(count)
+    error = np.std(found - true) / np.std(true - straight)
+    assert error < limit
