@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.diagnosis import Horizon
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.case import Case
+from cjt_gym.gap.horizons.case import Case, in_time
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
@@ -145,13 +145,15 @@ def judge(
     progress("predicting up to half a second ahead")
     scales = scales_of(case.joint, case.logs)
     own = own_terms(case.joint, scales)
-    test = Problem(case.test)
     joints = {"datasheet": case.joint}
     ls = least_squares(case.joint, case.logs[0])
     if ls is not None:
         joints["least squares"] = ls
     if stages is not None:
         joints["stages"] = stages
+    case = in_time(case, list(joints.values()))
+    test = Problem(case.test)
+    if stages is not None:
         known = left_by(case.all, stages)
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -50,6 +50,7 @@ class Log:
         command: That channel [A], or [V] if it is a voltage, shape (N,).
         wanted: Command of the drive if the current was measured too [A], shape (N,).
         load: Torque on the load [N m], or velocity of a prescribed load [rad/s]; shape (N,).
+        rows: Rows of the record per sample.
         acting: What drives the joint from each sample to the next [A] or [V], shape (N,): the
             command, or the mean of what was measured at both.
         pulling: Load from each sample to the next, likewise, shape (N,).
@@ -68,6 +69,7 @@ class Log:
     command: Floats
     wanted: Floats | None
     load: Floats
+    rows: int
     acting: Floats
     pulling: Floats
     measured: dict[str, Floats]
@@ -85,6 +87,10 @@ class Log:
     def voltage(self) -> bool:
         """Whether the joint is driven by a voltage."""
         return self.drive == "v"
+
+    def late(self, rows: float) -> Log:
+        """Return the log of a joint that a measured current moves late by some rows."""
+        return replace(self, acting=_until_next(self.command, (0.5 - rows) / self.rows))
 
     @property
     def speed(self) -> Floats:
@@ -149,15 +155,15 @@ def to_log(
     held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
     states, acceleration = _states(shown, held, even, structure, file, dt)
     load = even.get("tau_l", np.zeros(len(grid)))
-    pulling = _until_next(load, every)
+    pulling = _until_next(load, 0.5 / every)
     if structure.output_fixed:
         load = pulling = states[:, 5]
-    acting = _until_next(command, every) if drive == "i" else command
+    acting = _until_next(command, 0.5 / every) if drive == "i" else command
     wanted = even.get("i_cmd") if drive == "i" else None
     heat = even.get("temperature")
     warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
-        dt, grid, drive, command, wanted, load, acting, pulling, shown, states,
+        dt, grid, drive, command, wanted, load, every, acting, pulling, shown, states,
         _known(shown, held, structure), acceleration, ~holes, warm,
         current_before(grid[0], whole, file, dt),
     )  # fmt: skip
@@ -175,13 +181,13 @@ def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[st
     return kept, t[: rows * every : every]
 
 
-def _until_next(x: Floats, every: int) -> Floats:
-    """Return the mean from each sample to the next of what is measured at the samples.
+def _until_next(x: Floats, share: float) -> Floats:
+    """Return what acts from each sample to the next: the first and a share of the change.
 
     Samples that are means over several rows, each of the value at its beginning, lack the rise
     within a row only.
     """
-    return np.asarray(x + np.diff(x, append=x[-1:]) / (2.0 * every))
+    return np.asarray(x + share * np.diff(x, append=x[-1:]))
 
 
 def _even(grid: Floats, t: Floats, x: Floats) -> Floats:

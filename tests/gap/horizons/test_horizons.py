@@ -12,7 +12,7 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.horizons.answer import _doubted
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.case import Case, make_case
+from cjt_gym.gap.horizons.case import Case, late, make_case
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added, allowed, is_needed
@@ -34,7 +34,8 @@ RIGID = get_structure("rigid")
 
 def case_of(file: JointFile | None = None, **changes: float) -> Case:
     made = record(**changes)  # type: ignore[arg-type]
-    return make_case([made], [], datasheet() if file is None else file, RIGID)
+    case = make_case([made], [], datasheet() if file is None else file, RIGID)
+    return late(case, 0.5)  # each current of the record acts from its row on
 
 
 def found_in(case: Case) -> Found:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.case import in_time, make_case
 from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
-from cjt_gym.joint import get_structure
+from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import INERTIA, datasheet
+from tests.gap.horizons.rotor import DAMPING, INERTIA, datasheet, record
 
 SWAY = 2.0 * np.pi * 2.0
 
@@ -37,3 +37,16 @@ def test_what_was_measured_rises_from_row_to_row(dt: float, limit: float, drivin
     straight = log.states[first, 0] + log.speed[first] * log.dt * np.arange(count)
     error = np.std(found - true) / np.std(true - straight)
     assert error < limit
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_the_motion_tells_which_current_a_log_writes(share: float) -> None:
+    """The current of a row is the one from then on, the one until then, or the mean of both."""
+    made = record(dry=0.0)
+    before = np.concatenate([made["i"][:1], made["i"][:-1]])
+    told = made.with_columns({"i": (1.0 - share) * made["i"] + share * before})
+    known = JointFile(datasheet(1.0).parameters.replace(d_m=DAMPING))
+    case = make_case([told], [], known, get_structure("rigid"))
+    (log,) = in_time(case, [case.joint]).logs
+    off = {rows: np.std(log.acting - log.late(rows).acting) for rows in (0.5, 0.0, -0.5)}
+    assert min(off, key=lambda rows: off[rows]) == 0.5 - share
