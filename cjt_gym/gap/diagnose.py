@@ -19,7 +19,7 @@ from cjt_gym.gap.horizons.answer import judged
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.series import Stretch, stretches
-from cjt_gym.gap.recorded.usable import check_one_joint
+from cjt_gym.gap.recorded.usable import check_one_joint, measured_only
 from cjt_gym.gap.stages.select import Progress, silent
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
@@ -75,7 +75,7 @@ def diagnose(
             "what moves the joint. Record motion: drive the joint far enough that it turns by a "
             "thousand counts. cjt-gym check says what else to record."
         )
-    given, held = in_step(given, held, file, shape)
+    given, held = in_step(measured_only(given), measured_only(held), file, shape)
     whole = stretches(given)
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
         turnable = len(given) == len(held) == 1

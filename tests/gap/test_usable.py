@@ -18,7 +18,7 @@ from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.model import Draft, drafted
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.verdict import corrected, unexplained_of, verdict_of
-from cjt_gym.gap.recorded.usable import check_one_joint
+from cjt_gym.gap.recorded.usable import check_one_joint, measured_only
 from cjt_gym.joint import get_structure, to_toml
 from cjt_gym.records import Record, read_record
 from tests.gap.horizons.rotor import INERTIA, datasheet, record
@@ -43,6 +43,19 @@ def test_records_of_two_joints_are_not_diagnosed_together(tmp_path: Path) -> Non
     check_one_joint([one, same, record()])
     with pytest.raises(ConfigurationError, match="of one joint"):
         diagnose(one, validate=other)
+
+
+def test_a_current_that_repeats_its_command_was_not_measured() -> None:
+    made = record(seconds=4.0)
+    echo = made.with_columns({"i_cmd": made["i"]}, {"i_cmd": "A"})
+    exam = examine(echo, datasheet(), get_structure("rigid"))
+    assert exam.faults[0].startswith("i repeats i_cmd in every row: it was not measured")
+    assert "i" not in exam.channels
+    (kept,) = measured_only([echo])
+    assert set(kept.columns) == {"t", "q_m", "i_cmd"}
+    late = np.concatenate([made["i"][:1], made["i"][:-1]])
+    (own,) = measured_only([echo.with_columns({"i": late})])
+    assert "i" in own
 
 
 def test_an_unknown_structure_of_a_record_is_refused_by_check_too() -> None:

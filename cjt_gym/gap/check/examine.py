@@ -13,6 +13,7 @@ from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.faults import faults, notes
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.recorded.usable import copies, measured_only
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.linear import check_inertias
 from cjt_gym.records import Record
@@ -74,13 +75,18 @@ def examine(
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     _check(records)
-    view = View.of(records, joint, structure)
+    copied = {name: command for one in records for name, command in copies(one).items()}
+    view = View.of(measured_only(records), joint, structure)
     if joint is not None:
         check_inertias(joint.parameters, view.structure)
     with threadpool_limits(1, "blas"):  # threads slow down products of narrow matrices
         verdicts = {name: row(view) for name, row in ROWS.items()}
         wrong, remedies = faults(view)
         known = notes(view)
+    repeats = [
+        f"{name} repeats {command} in every row: it was not measured, and {command} counts alone."
+        for name, command in copied.items()
+    ]
     seen = {name: verdict for name, verdict in verdicts.items() if isinstance(verdict, Seen)}
     unseen = tuple(
         CannotTell(name, sentence(verdict.why), verdict.instead)
@@ -90,7 +96,7 @@ def examine(
     return Examination(
         can_tell=tuple(seen),
         cannot_tell=unseen,
-        faults=wrong,
+        faults=(*repeats, *wrong),
         smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
         advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
         channels=view.channels,

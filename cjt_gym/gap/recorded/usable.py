@@ -1,12 +1,44 @@
-"""Whether records can be diagnosed together."""
+"""Whether records can be diagnosed together, and what of them was measured."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import Record
+
+COPIES = (("i", "i_cmd"), ("tau_m", "tau_cmd"))
+"""Measurements and the commands that some logs write in their place."""
+
+
+def copies(record: Record) -> dict[str, str]:
+    """Return the columns that repeat a command in every row, each with that command."""
+    return {
+        name: command
+        for name, command in COPIES
+        if name in record
+        and command in record
+        and np.ptp(record[command]) > 0.0
+        and np.array_equal(record[name], record[command])
+    }
+
+
+def measured_only(records: Sequence[Record]) -> list[Record]:
+    """Return records without columns that repeat a command in every row."""
+    found = []
+    for record in records:
+        if copied := copies(record):
+            columns, units, sensors = (
+                {name: known for name, known in facts.items() if name not in copied}
+                for facts in (record.columns, record.units, record.sensors)
+            )
+            record = replace(record, columns=columns, units=units, sensors=sensors)
+        found.append(record)
+    return found
 
 
 def check_one_joint(records: Sequence[Record]) -> None:
