@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.check.faults import ONE_INSTANT
 from cjt_gym.gap.diagnosis import MUCH_LEFT, NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
@@ -39,6 +40,7 @@ OVER_THE_RECORD = (
 ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 """Effects that motion in one direction does not tell from Coulomb friction."""
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
+OTHER_INSTANTS = "channels of one row belong to different instants"
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
 HALF, FLOORS = 0.5, 5.0
@@ -77,7 +79,22 @@ def judged(
         shape: Structure of the joint.
         progress: Called with a description of the current step.
     """
-    first = _without_guesses(first, file)
+    told = _judged(_without_guesses(first, file), records, held, file, shape, progress)
+    exam = first.examination
+    if exam is None or ONE_INSTANT not in exam.advice:
+        return told
+    effects = (e if e.name in MEASURES else e.doubted(OTHER_INSTANTS) for e in told.effects)
+    return replace(told, effects=tuple(effects))
+
+
+def _judged(
+    first: Diagnosis,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    file: JointFile,
+    shape: Structure,
+    progress: Progress,
+) -> Diagnosis:
     exam = first.examination
     excluded = {row.name: row.why for row in exam.cannot_tell} if exam is not None else {}
     try:
@@ -269,10 +286,12 @@ def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
 def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     """Return a diagnosis that confirms no effect that the record cannot identify.
 
-    Dry friction is not confirmed either where motion in one direction hides an offset, nor is a
-    torque over the angle whose frequency stays open.
+    Dry friction is not confirmed either where motion in one direction hides an offset or where
+    viscous friction cannot be told from it, nor is a torque over the angle whose frequency stays
+    open.
     """
-    doubtful = {*excluded, "coulomb"} if excluded.keys() >= ONE_WAY else set(excluded)
+    alike = excluded.keys() >= ONE_WAY or "damping" in excluded
+    doubtful = {*excluded, "coulomb"} if alike else set(excluded)
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
     said = "check says that this record cannot tell it"
     effects = tuple(e.doubted(said) if e.name in doubtful else e for e in open_)

@@ -16,6 +16,7 @@ from cjt_gym.gap.horizons.held import slow_alike
 from cjt_gym.gap.horizons.inverse import feels_weight, inverse
 from cjt_gym.gap.horizons.judge import LOUD, OUTSIDE, Judgement
 from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
@@ -152,10 +153,12 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
 def _weighs(judged: Judgement, values: Sequence[float]) -> bool:
     """Return whether the motor's torque shows about the weight that a fit has.
 
-    A single mass feels its whole weight there. One that only predictions show makes up for
-    something else, such as friction that is not as the table has it.
+    A single mass that is driven feels its whole weight there. One that only predictions show makes
+    up for something else, such as friction that is not as the table has it.
     """
     joint, logs = judged.case.joint, judged.case.logs
+    if scales_of(joint, logs).coasts:
+        return True
     known = [e["gravity"] for e in (x.effects for x in inverse(joint, logs)) if "gravity" in e]
     if joint.structure_row.size > 1 or not known:
         return True
