@@ -275,9 +275,12 @@ def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
     """Return whether a joint predicts no worse than datasheet and least squares at any horizon.
 
     Where it predicts worse than motion at constant speed, it must not be worse than the fit without
-    effects, either.
+    effects, either. Nor may bristles help only where it is known how they were bent before.
     """
-    for windows in {id(w): w for w in (case.test, case.all)}.values():
+    parts = [case.test, case.all]
+    if "presliding" in joints[name].effects:
+        parts.append(case.test.alone())
+    for windows in {id(w): w for w in parts}.values():
         errors = windows.errors(joints[name])
         own = relative(windows, errors)
         slack = {key: _slack(key) for key in windows.keys}

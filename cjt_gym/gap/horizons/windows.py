@@ -124,6 +124,11 @@ class Windows:
         ]
         return _scaled(self.logs, (*kept, *long[::step]))
 
+    def alone(self) -> Windows:
+        """Return windows of which nobody knows what was before, as when a user simulates them."""
+        groups = (replace(g, leads=np.zeros_like(g.leads)) for g in self.groups)
+        return replace(self, groups=tuple(groups))
+
     def errors(self, joint: Joint) -> list[Floats]:
         """Return predicted minus measured for each key, shape (windows, points) each.
 

@@ -7,7 +7,10 @@ import pytest
 
 from cjt_gym.gap.horizons.case import in_time, make_case
 from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
+from cjt_gym.gap.horizons.windows import relative
 from cjt_gym.joint import JointFile, get_structure
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DAMPING, INERTIA, datasheet, record
 
@@ -50,3 +53,17 @@ def test_the_motion_tells_which_current_a_log_writes(share: float) -> None:
     (log,) = in_time(case, [case.joint]).logs
     off = {rows: np.std(log.acting - log.late(rows).acting) for rows in (0.5, 0.0, -0.5)}
     assert min(off, key=lambda rows: off[rows]) == 0.5 - share
+
+
+def test_bristles_predict_less_where_nobody_knows_how_they_were_bent() -> None:
+    bent = {"presliding": {"d_cm": 0.2, "sigma_m": 10.0}}
+    file, shape = datasheet(1.0), get_structure("rigid")
+    joint = Joint(file, "rigid", "current", resolve_effects(bent, file, shape, "current"))
+    t = 2e-3 * np.arange(4000)
+    made = joint.simulate(0.3 * np.sin(6.0 * t) + 0.15 * np.sin(16.0 * t), dt=2e-3)
+    units = {"t": "s", "q_m": "rad", "i": "A"}
+    told = Record({name: made[name] for name in units}, units, structure="rigid")
+    case = make_case([told], [], file, shape)
+    both = case.test, case.test.alone()
+    known, unknown = (relative(w, w.errors(joint))["q_m", 0.1] for w in both)
+    assert 2.0 * known < unknown
