@@ -32,10 +32,9 @@ def measured_only(records: Sequence[Record]) -> list[Record]:
     found = []
     for record in records:
         if copied := copies(record):
-            columns, units, sensors = (
-                {name: known for name, known in facts.items() if name not in copied}
-                for facts in (record.columns, record.units, record.sensors)
-            )
+            columns = {name: record[name] for name in record.columns if name not in copied}
+            units = {name: unit for name, unit in record.units.items() if name in columns}
+            sensors = {name: known for name, known in record.sensors.items() if name in columns}
             record = replace(record, columns=columns, units=units, sensors=sensors)
         found.append(record)
     return found
