@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from cjt_gym.gap.horizons.answer import judged
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.series import Stretch, stretches
-from cjt_gym.gap.recorded.usable import check_one_joint, measured_only
+from cjt_gym.gap.recorded.usable import check_one_joint, copies, measured_only
 from cjt_gym.gap.stages.select import Progress, silent
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
@@ -75,6 +75,7 @@ def diagnose(
             "what moves the joint. Record motion: drive the joint far enough that it turns by a "
             "thousand counts. cjt-gym check says what else to record."
         )
+    repeated = {name: command for one in given for name, command in copies(one).items()}
     given, held = in_step(measured_only(given), measured_only(held), file, shape)
     whole = stretches(given)
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
@@ -86,7 +87,7 @@ def diagnose(
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return remarked(found, given, whole, shape)
+    return remarked(found, given, whole, shape, repeated)
 
 
 def _check_rate(record: Record) -> None:
@@ -109,10 +110,17 @@ def _asked(ask: Ask) -> Suggestion:
 
 
 def remarked(
-    found: Diagnosis, given: Sequence[Record], used: Sequence[Stretch], shape: Structure
+    found: Diagnosis,
+    given: Sequence[Record],
+    used: Sequence[Stretch],
+    shape: Structure,
+    repeated: Mapping[str, str],
 ) -> Diagnosis:
     """Return a diagnosis that begins with what its reader has to know of the log."""
-    remarks = []
+    remarks = [
+        f"{name} repeats {command} in every row, and was not used."
+        for name, command in repeated.items()
+    ]
     if found.examination is not None and UNITS in found.examination.advice:
         remarks.append(
             "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "

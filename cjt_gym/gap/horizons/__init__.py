@@ -14,6 +14,7 @@
 `starts`       starting points of the search
 `search`       rows that a record supports, and their `rivals`
 `inverse`      what the torque is `spent` on, cogging `over_angle` among it
+`instants`     which current a log writes into a row
 `imposed`      motion that the torque does not determine
 `judge`        the table of horizons, and which joint is the answer
 `named`        which terms are named, and with which status

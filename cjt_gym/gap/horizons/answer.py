@@ -52,6 +52,8 @@ MOSTLY = 0.5
 """Predictable share of the squared error above which the stages' effects explain too little."""
 SILENT = 2.0
 """Residual of the drive, in units of noise, up to which its effects explain it."""
+QUIET = 1.0
+"""The same up to which it has none."""
 ROUNDED = "quantization"
 """Effect that no other can cause: values that lie on a lattice."""
 VAGUELY = 0.1
@@ -130,6 +132,8 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
 
     These are faults of sensors, and those of a drive whose current was measured.
     """
+    if measured and 0.0 < first.stages["drive"].before < QUIET:
+        told = _without_late_drive(told)
     driven = measured and first.stages["drive"].after < SILENT
     own = {e.name for e in first.effects if driven and e.stage == "drive"}
     if own - LATE:  # what bends or clips a current may pass for a delay
@@ -157,6 +161,15 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
         verdict=verdict.get(told.verdict, told.verdict),
         unexplained=left,
     )
+
+
+def _without_late_drive(told: Diagnosis) -> Diagnosis:
+    """Return a diagnosis without delay and lag of a drive that does what its datasheet says."""
+    effects = tuple(e for e in told.effects if e.name not in LATE)
+    verdict = told.verdict
+    if told.effects and not effects:
+        verdict = "unexplained" if told.gap.before > TRIVIAL else "no_gap"
+    return replace(told, effects=effects, verdict=verdict)
 
 
 def _follows_a_sure_drive(effect: NamedEffect) -> bool:

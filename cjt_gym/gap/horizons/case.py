@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.log import Log, to_logs
 from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, relative, split
+from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, split
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.quantity import Quantity
@@ -18,9 +18,6 @@ from cjt_gym.records import Record
 
 TEST = 200
 """Maximum number of windows on which models are compared."""
-CLEARLY = 0.9
-"""Largest error with a current that acts half a row earlier or later, relative to that with the
-mean of its rows. Of real records at 60 to 250 Hz, those of one machine reached 0.8 to 0.97."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,34 +63,14 @@ def make_case(
     return Case(joint, tuple(logs), fit, test, every, response)
 
 
-def in_time(case: Case, joints: Sequence[Joint]) -> Case:
-    """Return a case whose measured current acts when predictions are best.
-
-    A log may write the current at the instant of a row, the one until then or the one from then on.
-    The best of some joints tells which, if the difference is clear.
-    """
-    first = case.logs[0]
-    if first.drive != "i" or first.rows > 1:
-        return case
-
-    def error(joint: Joint, rows: float) -> float:
-        moved = _late(case.fit, rows)
-        return float(np.mean(np.log(list(relative(moved, moved.errors(joint)).values()))))
-
-    usual, best = min((error(joint, 0.0), k) for k, joint in enumerate(joints))
-    least, rows = min((error(joints[best], rows), rows) for rows in (-0.5, 0.5))
-    if least > usual + np.log(CLEARLY):
-        return case
-    return late(case, rows)
-
-
 def late(case: Case, rows: float) -> Case:
     """Return a case of a joint that a measured current moves late by some rows."""
-    fit, test, every = (_late(windows, rows) for windows in (case.fit, case.test, case.all))
+    fit, test, every = (late_windows(windows, rows) for windows in (case.fit, case.test, case.all))
     return replace(case, logs=fit.logs, fit=fit, test=test, all=every)
 
 
-def _late(windows: Windows, rows: float) -> Windows:
+def late_windows(windows: Windows, rows: float) -> Windows:
+    """Return windows of a joint that a measured current moves late by some rows."""
     return replace(windows, logs=tuple(log.late(rows) for log in windows.logs))
 
 

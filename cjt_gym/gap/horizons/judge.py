@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from cjt_gym.gap.diagnosis import Horizon
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.case import Case, in_time
+from cjt_gym.gap.horizons.case import Case, late
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.imposed import freed_from
+from cjt_gym.gap.horizons.instants import lateness
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.own_rows import own_terms
@@ -130,6 +131,7 @@ def judge(
     excluded: Collection[str] = (),
     *,
     explained: bool = True,
+    timed: bool = False,
 ) -> Judgement:
     """Return the judgement of a record.
 
@@ -141,6 +143,7 @@ def judge(
         excluded: Names of effects that the record cannot identify; refined laws of friction among
             them are not tried.
         explained: Whether the stages leave nothing unexplained.
+        timed: Whether it is known which instants a measured current belongs to.
     """
     progress("predicting up to half a second ahead")
     scales = scales_of(case.joint, case.logs)
@@ -151,7 +154,6 @@ def judge(
         joints["least squares"] = ls
     if stages is not None:
         joints["stages"] = stages
-    case = in_time(case, list(joints.values()))
     test = Problem(case.test)
     if stages is not None:
         known = left_by(case.all, stages)
@@ -184,6 +186,9 @@ def judge(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
     )  # fmt: skip
+    if not timed and (rows := lateness(case, found.fit)):
+        case = late(case, rows)
+        return judge(case, stages, progress, suspects, excluded, explained=explained, timed=True)
     found = _beyond_tolerance(problem, test, found)
     tests = _tested(problem, test, found)[1]
     searched, found = found, _polished(case, problem, found, joints)

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.records import Record
+from cjt_gym.records import FloatArray, Record
 
 COPIES = (("i", "i_cmd"), ("tau_m", "tau_cmd"))
 """Measurements and the commands that some logs write in their place."""
+SAME = 1e-3
+"""Largest difference between the two, relative to the command's range: other units round."""
 
 
 def copies(record: Record) -> dict[str, str]:
@@ -20,11 +22,14 @@ def copies(record: Record) -> dict[str, str]:
     return {
         name: command
         for name, command in COPIES
-        if name in record
-        and command in record
-        and np.ptp(record[command]) > 0.0
-        and np.array_equal(record[name], record[command])
+        if name in record and command in record and _repeats(record[name], record[command])
     }
+
+
+def _repeats(x: FloatArray, command: FloatArray) -> bool:
+    known = np.isfinite(command)
+    span = np.ptp(command[known]) if known.any() else 0.0
+    return bool(span > 0.0 and np.abs(x - command)[known].max() < SAME * span)
 
 
 def measured_only(records: Sequence[Record]) -> list[Record]:

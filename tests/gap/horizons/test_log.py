@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.case import in_time, make_case
+from cjt_gym.gap.horizons.base_rows import base_terms
+from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.fit import Problem
 from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
+from cjt_gym.gap.horizons.instants import lateness
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.windows import relative
-from cjt_gym.joint import JointFile, get_structure
+from cjt_gym.joint import get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import DAMPING, INERTIA, datasheet, record
+from tests.gap.horizons.rotor import INERTIA, datasheet, record
 
 SWAY = 2.0 * np.pi * 2.0
 
@@ -48,11 +53,10 @@ def test_the_motion_tells_which_current_a_log_writes(share: float) -> None:
     made = record(dry=0.0)
     before = np.concatenate([made["i"][:1], made["i"][:-1]])
     told = made.with_columns({"i": (1.0 - share) * made["i"] + share * before})
-    known = JointFile(datasheet(1.0).parameters.replace(d_m=DAMPING))
-    case = make_case([told], [], known, get_structure("rigid"))
-    (log,) = in_time(case, [case.joint]).logs
-    off = {rows: np.std(log.acting - log.late(rows).acting) for rows in (0.5, 0.0, -0.5)}
-    assert min(off, key=lambda rows: off[rows]) == 0.5 - share
+    case = make_case([told], [], datasheet(), get_structure("rigid"))
+    scales = scales_of(case.joint, case.logs)
+    fit = Problem(case.fit).fit(Model(case.joint, base_terms(case.joint, scales)))
+    assert lateness(case, fit) == 0.5 - share
 
 
 def test_bristles_predict_less_where_nobody_knows_how_they_were_bent() -> None:
