@@ -333,7 +333,7 @@ def _check(record: Record, columns: Mapping[str, Floats]) -> None:
     if len(record) < SHORTEST:
         raise RecordError(
             f"{record.owner} must have at least {SHORTEST} samples to be diagnosed, "
-            f"got {len(record)}. Record for longer."
+            f"beside what is held out for testing, got {len(record)}. Record for longer."
         )
     if "q_m" not in columns:
         raise RecordError(
