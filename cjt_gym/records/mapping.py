@@ -110,24 +110,18 @@ def read_document(mapping: str | Path | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _mapping(owner: str, document: dict[str, Any], n: float | None) -> ColumnMapping:
-    columns, own = document.pop("columns", None), document.pop("n", n)
+    columns, n = document.pop("columns", None), document.pop("n", n)
     document.pop("can", None)
     if not isinstance(columns, dict) or not columns:
         raise RecordError(
             f"{owner} must have a table per column, such as  [columns.q_m]  with  "
             f'source = "motor_pos_deg"  and  unit = "deg", got {columns!r}.'
         )
-    if own is not None:
-        own = _number(f"n of {owner}", own)
-        # A joint with n = 1 is stated at its output.
-        if n is not None and n != 1.0 and abs(own - n) > UNLIKE * abs(n):
-            raise RecordError(
-                f"{owner} has the gear ratio n = {own:g}, but the joint has n = {n:g}. Correct one "
-                "of them, or leave out the one of the mapping."
-            )
+    if n is not None:
+        n = _number(f"n of {owner}", n)
     if "units" in document:
         raise RecordError(f"{owner} must give the units under [columns], not under [units].")
-    made = {name: _column(owner, name, given, own) for name, given in columns.items()}
+    made = {name: _column(owner, name, given, n) for name, given in columns.items()}
     check_one_axis(owner, {name: column.unit for name, column in made.items()})
     return ColumnMapping(owner, made, checked_facts(owner, document))
 
@@ -145,8 +139,6 @@ KEYS: Final = (
     "gain",
     "samples_late",
 )
-UNLIKE = 0.02
-"""Relative difference above which two gear ratios contradict each other."""
 LATEST: Final = 1000
 """Rows by which a column may be late at most."""
 

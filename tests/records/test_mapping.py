@@ -266,11 +266,3 @@ def test_files_of_mappings_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text("columns = ")
     with pytest.raises(RecordError, match="bad.toml must be a TOML file"):
         load_mapping(tmp_path / "bad.toml")
-
-
-def test_two_gear_ratios_that_contradict_each_other_are_refused() -> None:
-    columns = {"columns": {"q_m": {"source": "pos", "unit": "deg", "side": "motor"}}}
-    for n in (50.0, 1.0, None):  # a joint with n = 1 is stated at its output
-        load_mapping({"n": 50, **columns}, n)
-    with pytest.raises(RecordError, match="n = 100, but the joint has n = 50. Correct one"):
-        load_mapping({"n": 100, **columns}, 50.0)
