@@ -11,8 +11,10 @@ import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
+from cjt_gym.gap.check.faults import ONE_INSTANT
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
-from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
+from cjt_gym.gap.horizons import answer
+from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive, allowed_by
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.drive import DriveFit
@@ -169,6 +171,45 @@ def test_a_current_that_is_clipped_is_no_late_one(told: Diagnosis) -> None:
     ]  # fmt: skip
     silent = replace(told, effects=(), stages=stages)
     assert _with_elsewhere(late, silent, measured=True).effects == late.effects
+
+
+def test_a_drive_that_its_stage_finds_quiet_is_not_late(told: Diagnosis) -> None:
+    number = {"delay": Interval(4e-3, 3e-3, 5e-3, "s")}
+    late = NamedEffect(
+        "command_delay", "drive", None, None, number, "tentative", 0.5, 0.1, (), 1.0
+    )  # fmt: skip
+    named = replace(told, effects=(*told.effects, late))
+    for before, kept in ((0.3, told.effects), (1.5, named.effects)):
+        first = replace(
+            told, effects=(), stages={**told.stages, "drive": StageGap(before, before, False)}
+        )
+        assert _with_elsewhere(named, first, measured=True).effects == kept
+    alone = replace(told, effects=(late,), verdict="explained")
+    first = replace(told, effects=(), stages={**told.stages, "drive": StageGap(0.3, 0.3, False)})
+    assert _with_elsewhere(alone, first, measured=True).verdict == "unexplained"
+
+
+def test_nothing_is_confirmed_where_rows_hold_different_instants(
+    told: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sure = replace(told, effects=tuple(replace(e, status="confirmed") for e in told.effects))
+    monkeypatch.setattr(answer, "_judged", lambda *_: sure)
+    assert told.examination is not None
+    for advice, status in (((), "confirmed"), ((ONE_INSTANT,), "tentative")):
+        first = replace(told, examination=replace(told.examination, advice=advice))
+        found = answer.judged(first, [], [], datasheet(), get_structure("rigid"), print)
+        assert {e.status for e in found.effects} == {status}
+
+
+def test_dry_friction_is_not_confirmed_where_viscous_friction_cannot_be_told(
+    told: Diagnosis,
+) -> None:
+    sure = replace(told, effects=tuple(replace(e, status="confirmed") for e in told.effects))
+    dry = {e.name for e in sure.effects} & {"coulomb"}
+    assert dry
+    doubted = {e.name for e in allowed_by(sure, {"damping": "one speed"}).effects if e.doubt}
+    assert dry <= doubted
+    assert all(e.status == "confirmed" for e in allowed_by(sure, {"stribeck": ""}).effects)
 
 
 def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Case) -> None:

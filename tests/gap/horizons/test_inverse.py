@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from cjt_gym.gap import diagnose
@@ -18,6 +19,7 @@ from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
+from tests.gap.horizons.rotor import INERTIA as ROTOR
 from tests.gap.horizons.rotor import datasheet
 
 ARM = """
@@ -259,3 +261,17 @@ def test_three_periods_of_cogging_are_told_from_friction(arm: JointFile) -> None
     (alone,) = (one for one in spent(case.joint, case.logs, ["coulomb"]))
     assert alone.values[0] > 1.0, "friction takes up what is the wave's"
     assert seen["coulomb"].values[0] == pytest.approx(0.4, rel=0.25)
+
+
+def test_the_weight_of_a_pendulum_without_a_motor_is_named() -> None:
+    t = DT * np.arange(2000)
+    swing = solve_ivp(
+        lambda _, x: [x[1], -(0.4 * np.sin(x[0]) + 0.001 * x[1]) / ROTOR],
+        (0.0, t[-1]), [1.2, 0.0], t_eval=t, rtol=1e-9, atol=1e-9,
+    )  # fmt: skip
+    columns = {"t": t, "q_m": 1.5e-3 * np.round(swing.y[0] / 1.5e-3), "i": np.zeros(len(t))}
+    record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    found = diagnose(record, datasheet(1.0, tolerance=0.2), "rigid")
+    (weight,) = (e for e in found.effects if e.name == "gravity")
+    assert weight.status == "tentative"
+    assert weight.parameters["torque"].value == pytest.approx(0.4, rel=0.2)
