@@ -22,7 +22,7 @@ MIKE_ARGS ?=
 NOTEBOOKS ?=
 
 help:
-	@echo "make install  set up .venv; all below do that first"
+	@echo "make install  set up .venv, as the others do when it is missing"
 	@echo "make demo    train, compare and write demo/report.html"
 	@echo "make test    run the tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
 	@echo "make test-all  and the slow ones"

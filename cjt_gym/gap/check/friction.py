@@ -38,8 +38,8 @@ APART = 0.05
 """Least share of an effect's torque that other effects cannot explain."""
 ONE_SPEED = 0.75
 """Ratio of slow to fast motion (10 and 90 % of it) above which dry and viscous friction look alike:
-what then tells them apart is a tenth of the motion. Of 30 real records those of one speed have 0.83
-to 0.88, the others at most 0.6."""
+what then tells them apart is a tenth of the motion. Five real records of one speed have 0.83 to
+0.88, all others that were tried at most 0.6."""
 LOADED = 0.05
 """Least gravity torque that counts as a load, relative to the driving torque."""
 COASTS = "nothing drives the joint: friction and weight show relative to its inertia only"

@@ -81,22 +81,7 @@ def judged(
         shape: Structure of the joint.
         progress: Called with a description of the current step.
     """
-    told = _judged(_without_guesses(first, file), records, held, file, shape, progress)
-    exam = first.examination
-    if exam is None or ONE_INSTANT not in exam.advice:
-        return told
-    effects = (e if e.name in MEASURES else e.doubted(OTHER_INSTANTS) for e in told.effects)
-    return replace(told, effects=tuple(effects))
-
-
-def _judged(
-    first: Diagnosis,
-    records: Sequence[Record],
-    held: Sequence[Record],
-    file: JointFile,
-    shape: Structure,
-    progress: Progress,
-) -> Diagnosis:
+    first = _without_guesses(first, file)
     exam = first.examination
     excluded = {row.name: row.why for row in exam.cannot_tell} if exam is not None else {}
     try:
@@ -301,13 +286,16 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
 
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor is a torque over the angle whose frequency stays
-    open.
+    open. Where rows hold different instants only effects of the sensors are confirmed.
     """
+    mixed = first.examination is not None and ONE_INSTANT in first.examination.advice
     alike = excluded.keys() >= ONE_WAY or "damping" in excluded
     doubtful = {*excluded, "coulomb"} if alike else set(excluded)
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
     said = "check says that this record cannot tell it"
     effects = tuple(e.doubted(said) if e.name in doubtful else e for e in open_)
+    if mixed:
+        effects = tuple(e if e.name in MEASURES else e.doubted(OTHER_INSTANTS) for e in effects)
     return replace(first, effects=effects)
 
 

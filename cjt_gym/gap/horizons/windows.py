@@ -125,7 +125,7 @@ class Windows:
         return _scaled(self.logs, (*kept, *long[::step]))
 
     def alone(self) -> Windows:
-        """Return windows of which nobody knows what was before, as when a user simulates them."""
+        """Return the windows without their past, as if simulated from their first states alone."""
         groups = (replace(g, leads=np.zeros_like(g.leads)) for g in self.groups)
         return replace(self, groups=tuple(groups))
 

@@ -13,7 +13,6 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.check.faults import ONE_INSTANT
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
-from cjt_gym.gap.horizons import answer
 from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive, allowed_by
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
@@ -189,15 +188,12 @@ def test_a_drive_that_its_stage_finds_quiet_is_not_late(told: Diagnosis) -> None
     assert _with_elsewhere(alone, first, measured=True).verdict == "unexplained"
 
 
-def test_nothing_is_confirmed_where_rows_hold_different_instants(
-    told: Diagnosis, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sure = replace(told, effects=tuple(replace(e, status="confirmed") for e in told.effects))
-    monkeypatch.setattr(answer, "_judged", lambda *_: sure)
+def test_nothing_is_confirmed_where_rows_hold_different_instants(told: Diagnosis) -> None:
+    sure = tuple(replace(e, status="confirmed") for e in told.effects)
     assert told.examination is not None
     for advice, status in (((), "confirmed"), ((ONE_INSTANT,), "tentative")):
-        first = replace(told, examination=replace(told.examination, advice=advice))
-        found = answer.judged(first, [], [], datasheet(), get_structure("rigid"), print)
+        exam = replace(told.examination, advice=advice)
+        found = allowed_by(replace(told, effects=sure, examination=exam), {})
         assert {e.status for e in found.effects} == {status}
 
 
