@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.console import Answer
-from cjt_gym.console.logs import read_own
+from cjt_gym.console.logs import gear_ratio_of, read_own
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.records import Record
+from cjt_gym.records import Record, is_record, read_log
 
 SUFFIXES = (".html", ".png", ".svg", ".pdf")
 
@@ -19,8 +19,9 @@ SUFFIXES = (".html", ".png", ".svg", ".pdf")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the records, what of them, and where to."""
     add = parser.add_argument
-    text = "records, by file or by the name of one that ships; drawn in the same axes"
+    text = "records or logs, by file or by the name of one that ships; drawn in the same axes"
     add("records", nargs="+", metavar="RECORD", help=text)
+    add("--mapping", metavar="FILE", help="TOML file that says which column is what, in which unit")
     add("--out", type=Path, required=True, metavar="FILE", help=f"{', '.join(SUFFIXES)}")
     add("--columns", nargs="+", metavar="C", help="what to draw; default: every column")
     text = "part to draw, in the time of the records [s]; default: all"
@@ -38,8 +39,9 @@ def run(options: argparse.Namespace) -> Answer:
 
     refuse_inputs([options.out], options.records)
     traces = [
-        Trace(Path(word).stem, _part(read_own(word), options.between, word))
+        Trace(name, _part(record, options.between, word))
         for word in options.records
+        for name, record in _pieces(word, options.mapping)
     ]
     known = {name for trace in traces for name in trace.record.columns if name != "t"}
     for name in options.columns or ():
@@ -48,6 +50,17 @@ def run(options: argparse.Namespace) -> Answer:
     columns = write_plot(traces, options.columns, options.out)
     result = {"plot": str(options.out), "records": options.records, "columns": columns}
     return result, f"{options.out}: {', '.join(columns)}"
+
+
+def _pieces(word: str, mapping: str | None) -> list[tuple[str, Record]]:
+    """Return a record as it is, or the repaired pieces of a log, with their names."""
+    name = Path(word).stem
+    if mapping is None and is_record(word):
+        return [(name, read_own(word))]
+    pieces, _ = read_log(word, mapping, n=gear_ratio_of(word, mapping))
+    if len(pieces) == 1:
+        return [(name, pieces[0])]
+    return [(f"{name}, piece {k}", piece) for k, piece in enumerate(pieces, 1)]
 
 
 def _part(record: Record, between: list[float] | None, word: str) -> Record:

@@ -6,7 +6,13 @@ A file in order is a record (:func:`read_record`); a log as machines write it be
 
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, Column, default_units
-from cjt_gym.records.files import joint_of, read_record, record_names, write_record
+from cjt_gym.records.files import (
+    is_record,
+    joint_of,
+    read_record,
+    record_names,
+    write_record,
+)
 from cjt_gym.records.formats import FORMATS
 from cjt_gym.records.logs import draft_mapping, iter_record, read_log
 from cjt_gym.records.mapping import load_mapping
@@ -32,6 +38,7 @@ __all__ = [
     "default_units",
     "draft_mapping",
     "informative_windows",
+    "is_record",
     "iter_record",
     "joint_of",
     "joints_of",

@@ -68,6 +68,12 @@ def read_record(
     return Record(columns=columns, allow_nan=allow_nan, origin=path, **facts)
 
 
+def is_record(path_or_name: str | Path) -> bool:
+    """Return whether a table is a record: its metadata stand beside it, and no mapping does."""
+    path = table_path(path_or_name)
+    return _given_or_beside(path, None) is None and describes_record(path.with_suffix(".toml"))
+
+
 def joined(pieces: Iterable[Table]) -> dict[str, NDArray[Any]]:
     """Return the pieces of a table as one."""
     all_pieces = list(pieces)

@@ -91,3 +91,24 @@ def test_many_samples_keep_their_peaks_and_gaps() -> None:
     assert np.all(np.diff(seen) >= 0.0)
     assert np.nanmax(drawn) == 9.0
     assert np.isnan(drawn).any()
+
+
+def test_logs_are_drawn_as_check_reads_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    t = 1e-3 * np.arange(2000)
+    table = np.column_stack([t, np.sin(t)])[(t < 0.5) | (t > 1.5)]
+    plain, named = tmp_path / "plain.csv", tmp_path / "named.csv"
+    np.savetxt(plain, table, delimiter=",", header="t,q_m", comments="")
+    np.savetxt(named, table, delimiter=",", header="time,pos", comments="")
+    mapping = tmp_path / "names.toml"
+    mapping.write_text(
+        '[columns]\nt = { source = "time", unit = "s" }\nq_m = { source = "pos", unit = "deg" }\n'
+    )
+    out = tmp_path / "plot.html"
+    assert main(["plot", str(plain), "--out", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["columns"] == ["q_m"]
+    assert "plain, piece 2" in out.read_text(encoding="utf-8")
+    assert main(["plot", str(named), "--mapping", str(mapping), "--out", str(out)]) == 0
+    assert main(["plot", str(named), "--out", str(out)]) == 2
+    assert "--out named.map.toml" in capsys.readouterr().err.replace(f"{tmp_path}/", "")

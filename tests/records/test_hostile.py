@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.errors import ConfigurationError, RecordError
-from cjt_gym.records import read_log, write_record
+from cjt_gym.records import draft_mapping, read_log, write_record
 from tests.disk.test_whole import RECORD
 
 MUCH = 2_000_000
@@ -198,6 +198,13 @@ def test_a_table_that_is_not_utf_8_says_so(tmp_path: Path) -> None:
 
     with pytest.raises(RecordError, match="must be a table of numbers as text in UTF-8: .*0xb5"):
         read_record(tmp_path / "run.csv")
+
+
+def test_a_file_that_is_no_text_has_no_names(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(RecordError, match="got bytes that are no text"):
+        draft_mapping(path)
 
 
 def test_a_delay_that_would_fill_the_memory_is_an_error() -> None:

@@ -7,6 +7,7 @@ is not a comma, a comma within a number is a decimal point.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
@@ -19,6 +20,8 @@ from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 
 SEPARATORS = (",", ";", "\t")
+NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f]")
+"""Control characters, which no line of names has."""
 ROWS = 100_000
 """Rows that are parsed at a time."""
 
@@ -109,6 +112,11 @@ def _is_number(cell: str) -> bool:
 
 def _check_names(path: Path, names: list[str]) -> None:
     COLUMNS.check(len(names), path, RecordError)
+    if NO_TEXT.search("".join(names)):
+        raise RecordError(
+            f"{path} must begin with a line of column names, got bytes that are no text. "
+            "Read another format by its own suffix, or save the table as text."
+        )
     if all(map(_is_number, names)):
         raise RecordError(
             f"{path} must begin with a line of column names, such as  time_ms,angle_deg,i_mA, "
