@@ -6,6 +6,7 @@ import argparse
 import sys
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 
 from cjt_gym.console import Answer
 from cjt_gym.errors import MissingFileError, UnknownNameError
@@ -36,8 +37,10 @@ def run(options: argparse.Namespace) -> Answer:
     structure = None if options.structure is None else get_structure(options.structure)
     joint = _joint(options)
     n = None if joint is None else joint.gear_ratio
-    records, _ = read_log(options.record, options.mapping, n=n)
+    records, repairs = read_log(options.record, options.mapping, n=n)
     found = examine(records, joint, structure)
+    taken = (repair.text for repair in repairs if repair.kind == "unit")
+    found = replace(found, notes=(*found.notes, *taken))
     return to_json(found), in_words(found, WIDTH)
 
 

@@ -29,6 +29,9 @@ from cjt_gym.records.repair import make_records
 from cjt_gym.records.repair_notes import Repair
 from cjt_gym.records.sources import Clock, aligned, clock, mapped, numbers_of
 
+SAME_GEAR = 1e-3
+"""Relative difference of two gear ratios up to which they are the same but for rounding."""
+
 
 @dataclass(frozen=True)
 class Log:
@@ -79,7 +82,7 @@ def open_log(
         base = clock(chosen, beginning, str(path))
         if base.name is not None:
             facts["units"] = default_units(("t",)) | facts["units"]
-        return Log(path, chosen, base, facts, ())
+        return Log(path, chosen, base, facts, _other_gear(chosen, n))
     if describes_record(path.with_suffix(".toml")):
         facts = read_metadata(path.with_suffix(".toml"))
         absent = [name for name in facts["units"] if name not in beginning]
@@ -156,6 +159,14 @@ def draft_mapping(path_or_name: str | Path) -> str:
     """Return a mapping to be edited, guessed from the names of the columns of a log."""
     path = table_path(path_or_name)
     return draft(path.name, next(iter(format_of(path).stream(path, ROWS)), {}))
+
+
+def _other_gear(mapping: ColumnMapping, n: float | None) -> tuple[Repair, ...]:
+    """Return a note where a mapping converts by another gear ratio than that of the joint."""
+    if n is None or mapping.n is None or abs(mapping.n - n) <= SAME_GEAR * abs(n):
+        return ()
+    text = f"{mapping.owner} converts by a gear ratio of {mapping.n:g}, that of the joint is {n:g}."
+    return (Repair("unit", None, 1, False, text),)
 
 
 def _unexplained(path: Path, names: list[str]) -> Log:

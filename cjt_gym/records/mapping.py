@@ -68,6 +68,7 @@ class ColumnMapping:
     owner: str  # what error messages call it
     columns: Mapping[str, ColumnSource]  # for each column of the record where it comes from
     facts: Mapping[str, Any]  # arguments of the record other than its columns and units
+    n: float | None = None  # gear ratio that takes the motor's side to the link's
 
     @property
     def units(self) -> dict[str, str]:
@@ -123,7 +124,7 @@ def _mapping(owner: str, document: dict[str, Any], n: float | None) -> ColumnMap
         raise RecordError(f"{owner} must give the units under [columns], not under [units].")
     made = {name: _column(owner, name, given, n) for name, given in columns.items()}
     check_one_axis(owner, {name: column.unit for name, column in made.items()})
-    return ColumnMapping(owner, made, checked_facts(owner, document))
+    return ColumnMapping(owner, made, checked_facts(owner, document), n)
 
 
 KEYS: Final = (

@@ -24,7 +24,7 @@ EFFECTS: Mapping[str, str] = {
     "thermal_derating": "torque lost as the windings warm",
     "torque_offset": "a constant torque offset",
     "inertia": "a different inertia",
-    "damping": "different viscous damping",
+    "damping": "viscous damping",
     "coulomb": "Coulomb friction",
     "coulomb_asym": "asymmetric Coulomb friction",
     "viscous_asym": "asymmetric viscous friction",
