@@ -114,7 +114,8 @@ def test_a_ratio_in_the_mapping_goes_before_that_of_the_joint(
 ) -> None:
     mapped(log, 'joint = "orange_80_6000"\nn = 10')
     assert largest_angle(log, capsys) == pytest.approx(0.0002 * N, rel=1e-6)
-    main(["check", str(log), "--json"])
+    capsys.readouterr()
+    assert main(["check", str(log), "--json"]) == 0
     notes = json.loads(capsys.readouterr().out)["notes"]
     assert any(
         note.endswith(f"by a gear ratio of 10, that of the joint is {N:g}.") for note in notes
