@@ -40,6 +40,8 @@ OVER_THE_RECORD = (
 ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 """Effects that motion in one direction does not tell from Coulomb friction."""
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
+SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
+"""Laws that differ between the directions, and what they are where the record shows no difference."""
 OTHER_INSTANTS = "channels of one row belong to different instants"
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
@@ -286,12 +288,13 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
 
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor is a torque over the angle whose frequency stays
-    open. Where rows hold different instants only effects of the sensors are confirmed.
+    open, nor friction as asymmetric whose intervals of the two directions overlap. Where rows hold different instants only effects of the sensors are confirmed.
     """
     mixed = first.examination is not None and ONE_INSTANT in first.examination.advice
     alike = excluded.keys() >= ONE_WAY or "damping" in excluded
     doubtful = {*excluded, "coulomb"} if alike else set(excluded)
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
+    open_ = [_perhaps_symmetric(e) for e in open_]
     said = "check says that this record cannot tell it"
     effects = tuple(e.doubted(said) if e.name in doubtful else e for e in open_)
     if mixed:
@@ -303,6 +306,20 @@ def _is_vague(effect: NamedEffect) -> bool:
     """Return whether the frequency of a torque over the angle is hardly determined."""
     f = effect.parameters.get("f")
     return f is not None and f.high - f.low > VAGUELY * abs(f.value)
+
+
+def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:
+    """Return an effect, tentative where its two directions may be the same."""
+    if effect.name not in SYMMETRIC or len(effect.parameters) != 2:
+        return effect
+    one, two = effect.parameters.values()
+    apart = abs(one.value - two.value)
+    if apart > 0.5 * np.hypot(one.high - one.low, two.high - two.low):
+        return effect
+    plain = SYMMETRIC[effect.name]
+    others = tuple(dict.fromkeys((*effect.confusable_with, plain)))
+    doubted = effect.doubted(f"{plain} may take its place, as the two directions hardly differ")
+    return replace(doubted, confusable_with=others)
 
 
 def title_of(record: Record) -> str:

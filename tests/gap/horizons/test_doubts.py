@@ -208,6 +208,22 @@ def test_dry_friction_is_not_confirmed_where_viscous_friction_cannot_be_told(
     assert all(e.status == "confirmed" for e in allowed_by(sure, {"stribeck": ""}).effects)
 
 
+@pytest.mark.parametrize(("back", "status"), [(6.5, "tentative"), (9.0, "confirmed")])
+def test_friction_is_not_asymmetric_where_the_directions_hardly_differ(
+    told: Diagnosis, back: float, status: str
+) -> None:
+    numbers = {
+        "d_l": Interval(5.5, 4.0, 7.0, "N m s/rad"),
+        "d_l_n": Interval(back, back - 2.5, back + 2.5, "N m s/rad"),
+    }
+    effect = NamedEffect(
+        "viscous_asym", "load", "load", None, numbers, "confirmed", 0.9, 0.2, (), 1.0
+    )  # fmt: skip
+    (found,) = allowed_by(replace(told, effects=(effect,)), {}).effects
+    assert found.status == status
+    assert ("damping" in found.confusable_with) == (status == "tentative")
+
+
 def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Case) -> None:
     keys = (("tau", 0.02), ("tau", WHOLE))
     held: Any = SimpleNamespace(test=SimpleNamespace(keys=keys))
