@@ -45,7 +45,7 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         found.append(_stated(file, "torque_constant", "k_t", K_T, MISSTATED))
     if groups.has_spring and file.parameters.get("k_b", 0.0) > 0.0:
         found.append(_stated(file, "stiffness", "k_b", STIFFNESS))
-        if not groups.output_fixed:
+        if not groups.output_fixed or file.parameters.get("d_gl", 0.0) > 0.0:
             found.append(_spring_damping(joint))
     if groups.has_gear and file.parameters.get("k_g", 0.0) > 0.0:
         found.append(_stated(file, "gear_stiffness", "k_g", STIFFNESS))
@@ -142,7 +142,7 @@ def _spring_damping(joint: Joint) -> Term:
     Few datasheets state it; without it the damping of motor and load would make up for it.
     """
     file, p = joint.file, joint.parameters
-    moved = body_group(joint.structure_row, "l")
+    moved = body_group(joint.structure_row, "m" if joint.structure_row.output_fixed else "l")
     critical = 2.0 * math.sqrt(p.k_b * sum(p.get(f"I_{b}", 0.0) for b in moved))
     start = p.get("d_gl", 0.0) or DAMPED * critical
     stated = tolerance_of(file, "d_gl", math.inf)

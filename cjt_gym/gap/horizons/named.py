@@ -72,6 +72,8 @@ def effects_of(
         open_ = term.name in excluded and not _is_overwhelming(judged, k)
         if there and term.told and not open_ and _deserves(judged, k, term, seen):
             effect = _named(judged, spread, k, term)
+            if _may_be_as_stated(judged, k, term, effect):
+                continue
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
     named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
@@ -148,6 +150,17 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
+
+
+def _may_be_as_stated(judged: Judgement, index: int, term: Term, effect: NamedEffect) -> bool:
+    """Return whether the interval of a datasheet value includes what the datasheet states."""
+    assert judged.found is not None
+    symbol = term.numbers[0].symbol
+    if not (term.numbers[0].prior or term.tight) or symbol not in effect.parameters:
+        return False
+    one, fit = effect.parameters[symbol], judged.found.fit
+    stated = one.value * term.nominal[0] / fit.model.values(fit.z)[index][0]
+    return one.low <= stated <= one.high
 
 
 def _weighs(judged: Judgement, values: Sequence[float]) -> bool:
