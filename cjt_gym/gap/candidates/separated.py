@@ -24,6 +24,7 @@ SEPARATED_BY: dict[frozenset[str], str] = {
         ("stiffness", "backlash", "small deflections of the spring through zero"),
         ("gear_stiffness", "inertia", "excitation above the resonance of the gearbox"),
         ("damping", "coulomb", "constant velocities, slow and fast"),
+        ("gravity", "contact", "slow motion over at least half a revolution"),
     )
 }
 NOTHING = "nothing"

@@ -9,6 +9,7 @@ import numpy as np
 from cjt_gym.gap.check.channels import Channel
 from cjt_gym.gap.check.transmission import deflection
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.recorded.slope import integrated, is_scaled
 from cjt_gym.records.doubts import doubts
 
 SLOPE = 0.15
@@ -41,9 +42,17 @@ def velocities(view: View) -> list[str]:
         x = np.concatenate([_lumps(np.gradient(p[angle], view.dt)) for p in view.stretches])
         y = np.concatenate([_lumps(p[velocity]) for p in view.stretches])
         slope = _factor(x, y)
-        if slope is None or abs(slope - 1.0) < SLOPE or _is_told(view, angle, velocity):
+        if slope is None or _is_told(view, angle, velocity):
             continue
-        found.append(f"{velocity} is {slope:.3g} times the slope of {angle}.")
+        longest = max(view.stretches, key=lambda p: len(p[angle]))
+        exact, _, rest = integrated(longest[velocity], longest[angle], view.dt)
+        if is_scaled(exact, rest):
+            found.append(
+                f"{velocity} is {exact:.3g} times the slope of {angle}: its unit or scale is "
+                "wrong, or the times of the rows are."
+            )
+        elif abs(slope - 1.0) >= SLOPE:
+            found.append(f"{velocity} is {slope:.3g} times the slope of {angle}.")
     return found
 
 

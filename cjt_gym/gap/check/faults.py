@@ -177,6 +177,7 @@ def _swing(view: View) -> Sequence[str]:
 
 
 UNITS = "Map each channel with its unit, sign and side: --mapping."
+SLOPES = "Map the velocity with its unit and scale, or correct the times of the rows."
 ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
 FINER = "Record more motion, or a finer angle."
 SPECIFY = "State the noise of these sensors in the joint file, such as noise under [sensors.q_m]."
@@ -186,7 +187,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_still, "Leave out channels that are not connected."),
     (_few_counts, FINER),
     (_whole_numbers, UNITS),
-    (velocities, UNITS),
+    (velocities, SLOPES),
     (currents, UNITS),
     (angles, UNITS),
     (coarser, UNITS),

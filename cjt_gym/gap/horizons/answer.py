@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.check.faults import ONE_INSTANT
+from cjt_gym.gap.check.faults import ONE_INSTANT, SLOPES
 from cjt_gym.gap.diagnosis import MUCH_LEFT, NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
@@ -42,7 +42,11 @@ ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
 """Laws that differ between the directions, and what they are where the record shows no difference."""
-OTHER_INSTANTS = "channels of one row belong to different instants"
+UNSOUND = {
+    ONE_INSTANT: "channels of one row belong to different instants",
+    SLOPES: "a velocity contradicts its angle, or the clock is wrong",
+}
+"""Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
 HALF, FLOORS = 0.5, 5.0
@@ -288,17 +292,18 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
 
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor is a torque over the angle whose frequency stays
-    open, nor friction as asymmetric whose intervals of the two directions overlap. Where rows hold different instants only effects of the sensors are confirmed.
+    open, nor friction as asymmetric whose intervals of the two directions overlap. Beside the
+    faults of `UNSOUND` only effects of the sensors are.
     """
-    mixed = first.examination is not None and ONE_INSTANT in first.examination.advice
+    advice = () if first.examination is None else first.examination.advice
     alike = excluded.keys() >= ONE_WAY or "damping" in excluded
     doubtful = {*excluded, "coulomb"} if alike else set(excluded)
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
     open_ = [_perhaps_symmetric(e) for e in open_]
     said = "check says that this record cannot tell it"
     effects = tuple(e.doubted(said) if e.name in doubtful else e for e in open_)
-    if mixed:
-        effects = tuple(e if e.name in MEASURES else e.doubted(OTHER_INSTANTS) for e in effects)
+    for why in (why for fault, why in UNSOUND.items() if fault in advice):
+        effects = tuple(e if e.name in MEASURES else e.doubted(why) for e in effects)
     return replace(first, effects=effects)
 
 

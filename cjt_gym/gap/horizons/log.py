@@ -15,6 +15,7 @@ from scipy.signal import savgol_filter
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.horizons.spent import STUCK
 from cjt_gym.gap.recorded.series import current_before, same_file
+from cjt_gym.gap.recorded.slope import is_slope
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -24,9 +25,6 @@ SMOOTH = 0.02
 """Time over which angles are smoothed for the state at the start of a window [s]."""
 LEAST_SMOOTH = 5
 """Fewest samples to smooth over."""
-AHEAD, ASTRAY = 0.5, 0.15
-"""Time over which a measured speed must integrate to the change of its angle [s], and the largest
-relative deviation."""
 GAP = 5.0
 """Ratio to the median sampling interval above which there is a gap in the log."""
 ENOUGH = 2e-3
@@ -341,16 +339,7 @@ def _states(
     q_l = q_m if load == motor else q_l
     angles = [smoothed(q, dt) for q in (q_m, q_g, q_l)]
     rates = [smoothed(q, dt, 1) for q in (q_m, q_g, q_l)]
-    if "dq_m" in even and _is_slope(even["dq_m"], q_m, dt):
+    if "dq_m" in even and is_slope(even["dq_m"], q_m, dt):
         rates[0] = even["dq_m"]
     acceleration = smoothed(q_m, dt, 2)
     return np.stack([*angles, *rates], axis=1), acceleration
-
-
-def _is_slope(speed: Floats, angle: Floats, dt: float) -> bool:
-    """Return whether a measured speed integrates to the change of its angle."""
-    rows = min(max(round(AHEAD / dt), LEAST_SMOOTH), len(angle) - 1)
-    way = angle[rows:] - angle[:-rows]
-    total = cumulative_trapezoid(speed, dx=dt, initial=0.0)
-    off = way - (total[rows:] - total[:-rows])
-    return bool(np.mean(off**2) < ASTRAY**2 * np.mean(way**2))

@@ -21,7 +21,7 @@ from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.verdict import worst_row
+from cjt_gym.gap.horizons.verdict import is_unknown, worst_row
 from cjt_gym.gap.horizons.windows import HORIZONS
 
 SURE, FIRM = 1.4, 2.0
@@ -35,6 +35,9 @@ confirmed: beyond that, something else is missing that they make up for."""
 MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
 """Effects that position or a wrong input may mimic: confirmed only if they remove more than
 `MUCH` of the error."""
+STRAIGHT = 0.5
+"""Travel up to which a weight pulls like a spring beside the joint [rad]: the sine of an angle is
+a line there but for 3 % of the weight."""
 SCALED = frozenset({"torque_gain", "torque_constant"})
 """Effects that are dropped if their number ends at a bound, which no sensor or motor reaches."""
 LEVELS = frozenset({"coulomb", "coulomb_asym", "load_coulomb"})
@@ -212,6 +215,8 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
     if term.name in SKEW and len(SKEW & names) > 1:
         same = tuple(sorted(SKEW - {term.name}))
     same = (*same, *slow_alike(term.name, judged.joint, judged.case.logs[0]))
+    if term.name == "gravity" and scales_of(judged.case.joint, judged.case.logs).travel < STRAIGHT:
+        same = (*same, "contact")
     removed = _removed(found.less[index], found.fit)
     alike = tuple(dict.fromkeys((*genuine, *same)))
     slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
@@ -228,6 +233,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
         (endless, "nothing shows the level to which it falls"),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
+        (is_unknown(worst_row(judged)), "this record does not tell how much stays unexplained"),
         (bool(strained), f"{' and '.join(strained)} had to leave its tolerance beside it"),
     )
     doubt = next((why for holds, why in doubts if holds), "")

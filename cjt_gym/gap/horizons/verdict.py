@@ -109,18 +109,18 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
     """
     worst = worst_row(judged)
     loud = worst.found > (LOUD if worst.seconds != WHOLE else DRIFTLESS)
-    open_ = bool(judged.unexplained) or loud or _is_unknown(worst)
+    open_ = bool(judged.unexplained) or loud or is_unknown(worst)
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
         main = main_row(judged)
         other = judged.answer == LEAST or bool(refined(judged, known=True))
         moved = main.found < HALVED * main.datasheet and other
-        open_ = loud or _is_unknown(worst) or (open_ and (better or suspected))
+        open_ = loud or is_unknown(worst) or (open_ and (better or suspected))
         return "unexplained" if moved or open_ else "no_gap"
     return "partly_explained" if open_ else "explained"
 
 
-def _is_unknown(row: Row) -> bool:
+def is_unknown(row: Row) -> bool:
     """Return whether an error that is not small may be predictable for all that a record shows.
 
     A short record has too few windows to tell.
@@ -141,7 +141,7 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
             ", although a held output does not drift"
             if main.seconds == WHOLE
             else "; this record does not tell how much of it could be"
-            if _is_unknown(main)
+            if is_unknown(main)
             else ", and no regression predicts it either"
         )
         text = (

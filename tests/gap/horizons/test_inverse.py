@@ -275,3 +275,19 @@ def test_the_weight_of_a_pendulum_without_a_motor_is_named() -> None:
     (weight,) = (e for e in found.effects if e.name == "gravity")
     assert weight.status == "tentative"
     assert weight.parameters["torque"].value == pytest.approx(0.4, rel=0.2)
+
+
+def test_a_weight_at_small_travel_may_be_a_spring() -> None:
+    t = DT * np.arange(6000)
+    u = 0.3 * np.sin(2.0 * np.pi * 0.5 * t) + 0.2 * np.sin(2.0 * np.pi * 1.1 * t)
+    motion = solve_ivp(
+        lambda at, x: [x[1], (np.interp(at, t, u) - 4.0 * x[0] - 0.2 * x[1]) / ROTOR],
+        (0.0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-8, atol=1e-10,
+    )  # fmt: skip
+    columns = {"t": t, "q_m": 1e-5 * np.round(motion.y[0] / 1e-5), "i": u}
+    record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    found = diagnose(record, datasheet(1.0, tolerance=0.2), "rigid")
+    (pull,) = (e for e in found.effects if e.name == "gravity")
+    assert pull.status == "tentative"
+    assert "contact" in pull.confusable_with
+    assert "half a revolution" in found.suggestion.text
