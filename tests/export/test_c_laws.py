@@ -19,9 +19,13 @@ from cjt_gym.baselines.observers import OBSERVERS, kalman_filter, make_observer
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.export import c_check
-from cjt_gym.export.c_check import ExportError, check_controller
-from cjt_gym.export.c_files import controller_to_c, observer_to_c
+from cjt_gym.export import c_files
+from cjt_gym.export.c_files import (
+    ExportError,
+    check_controller,
+    controller_to_c,
+    observer_to_c,
+)
 from cjt_gym.export.c_law import law_of
 from cjt_gym.export.c_library import compiled, compiler
 from cjt_gym.joint import Joint
@@ -88,7 +92,7 @@ def test_a_header_that_does_otherwise_is_found_out() -> None:
 
 @needs_compiler
 def test_the_motion_of_the_check_reaches_the_limit_and_leaves_it() -> None:
-    wanted = c_check.wanted_torque(60.0)
+    wanted = c_files.wanted_torque(60.0)
     beyond = np.abs(wanted) > 60.0
     assert beyond.any()
     assert not beyond.all()

@@ -10,8 +10,7 @@ import numpy as np
 
 from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU, LinearLaw
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.export.c_additions import NOTHING
-from cjt_gym.export.c_law import CLaw, law_of
+from cjt_gym.export.c_law import NOTHING, CLaw, law_of
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from typing import Final
 
 from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Layout, Observed
-from cjt_gym.export.c_controller import controller_header
+from cjt_gym.export.c_headers import controller_header
 from cjt_gym.export.c_text import (
     VALUES,
     array,

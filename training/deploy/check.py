@@ -15,7 +15,7 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.export.c_check import Checked
+from cjt_gym.export.c_files import Checked
 from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.joint.arrays import Floats

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.disk import write_text
-from cjt_gym.export.c_check import Checked, ExportError
+from cjt_gym.export.c_files import Checked, ExportError
 from cjt_gym.export.c_text import identifier
 from cjt_gym.records import Record
 from cjt_gym.training.deploy.c_header import c_header
