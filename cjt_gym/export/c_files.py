@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import ctypes
 import math
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -19,13 +23,15 @@ from cjt_gym.baselines.observers import LinearObserver
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_headers import controller_header, observer_header
 from cjt_gym.export.c_law import law_of
-from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant import SimulatedPlant, limits_of
 from cjt_gym.plant.measurement import Measurement
 
+COMPILERS = ("cc", "gcc", "clang")
+# Contracted products would round otherwise than NumPy does.
+OPTIONS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-O2", "-ffp-contract=off", "-fPIC")
 TRIED = "law"
 STEPS, HOLD, BEYOND = 600, 60, 1.5
 """Control steps, how long a torque is held, and how far it goes beyond the limit."""
@@ -184,3 +190,25 @@ def _checked(apart: Floats, size: Floats) -> Checked:
             f"{TOLERANCE:g}. Do not use it."
         )
     return Checked(len(apart), error)
+
+
+def compiler() -> str | None:
+    """Return the C compiler of this machine, None where there is none."""
+    return next((name for name in COMPILERS if shutil.which(name)), None)
+
+
+def compiled(source: str, headers: Mapping[str, str]) -> ctypes.CDLL:
+    """Return the library of a C source and its headers, by file name."""
+    name = compiler()
+    if name is None:
+        raise ConfigurationError(f"There is no C compiler ({', '.join(COMPILERS)}) to try it with.")
+    with tempfile.TemporaryDirectory() as place:  # a library that is loaded needs no file
+        folder = Path(place)
+        for file, text in {**headers, "source.c": source}.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        library, source_file = str(folder / "library.so"), str(folder / "source.c")
+        words = [name, *OPTIONS, "-shared", "-o", library, source_file, "-lm"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise ConfigurationError(f"{name} does not take the header: {done.stderr}")
+        return ctypes.CDLL(library)

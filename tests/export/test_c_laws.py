@@ -23,11 +23,12 @@ from cjt_gym.export import c_files
 from cjt_gym.export.c_files import (
     ExportError,
     check_controller,
+    compiled,
+    compiler,
     controller_to_c,
     observer_to_c,
 )
 from cjt_gym.export.c_law import law_of
-from cjt_gym.export.c_library import compiled, compiler
 from cjt_gym.joint import Joint
 
 DT = 1e-3

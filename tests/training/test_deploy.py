@@ -13,7 +13,7 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.deploy.c_header import c_header
-from cjt_gym.training.deploy.check import TOLERANCE, CStepper, recorded
+from cjt_gym.training.deploy.export import TOLERANCE, CStepper, recorded
 from cjt_gym.training.deploy.exported import load_exported, save_exported
 from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import OnnxStepper, write_onnx

@@ -7,7 +7,7 @@
 `stepper`      such a file at work
 `onnx_file`    the same as an ONNX graph
 `c_header`     the same as a C header without dependencies
-`check`        whether a file does what the policy does
+`export`       writes these files, and tries whether they do what the policy does
 =============  ===============================================================
 
     cjt-gym export runs/ppo --to c --out policy.h
