@@ -10,10 +10,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from cjt_gym.envs.arguments import TaskArguments, complete
-from cjt_gym.envs.control import REPORT, make_control
 from cjt_gym.envs.handover import table_of
 from cjt_gym.envs.observation import CLIP
-from cjt_gym.envs.observe import TERMS, Task, draw_episodes
+from cjt_gym.envs.observe import REPORT, TERMS, Task, draw_episodes, make_control
 from cjt_gym.envs.settings import ControllerOrFactory, Settings, make_settings
 from cjt_gym.envs.step import BAD_ACTION, begin_some, command_all, step_blocks, tell_some
 from cjt_gym.envs.threads import side_by_side, threads_for

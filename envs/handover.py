@@ -17,8 +17,7 @@ from numba import from_dtype
 from numba.np import arrayobj
 from numpy.typing import NDArray
 
-from cjt_gym.envs.control import Control
-from cjt_gym.envs.observe import Task
+from cjt_gym.envs.observe import Control, Task
 from cjt_gym.joint.arrays import Batch, Setup
 from cjt_gym.joint.configure import PARAMETER_DTYPE
 from cjt_gym.joint.lanes import Blocks, Kind

@@ -23,6 +23,11 @@ Words = NDArray[np.uint64]
 
 TERMS = ("tracking", "precision", "smoothness", "effort", "safety")
 TRACKING, PRECISION, SMOOTHNESS, EFFORT, SAFETY = range(len(TERMS))
+REPORT = (
+    *("tau", "tau_measured", "tau_reference", "tau_command", "base_action", "residual"),
+    *(f"reward/{name}" for name in TERMS),
+)
+"""What a step reports of an episode: keys of its info."""
 FINE = 0.05
 """Error over the torque amplitude up to which the term `precision` grows about linearly."""
 
@@ -73,6 +78,31 @@ class Seen(NamedTuple):
     tau: float  # measured joint torque [N m]
     true_tau: float  # joint torque that is rewarded, on a real joint the measured one [N m]
     true_dq_m: float  # velocity that is limited, likewise [rad/s]
+
+
+class Control(NamedTuple):
+    """What a step is told and what it reports."""
+
+    action: Floats  # in [-1, 1], shape (n,); values outside are clipped
+    base: Floats  # motor torque of the base controller, shape (n,) [N m]
+    residual: Floats  # motor torque of the action, shape (n,) [N m]
+    wanted: Floats  # both, within the limits, shape (n,) [N m]
+    commands: Floats  # the same as currents [A], shape (n, 2)
+    report: Floats  # columns of `REPORT`, shape (1, 11) for a single episode, else (0, 11)
+    factors: Floats  # [action scale, torque limit, torque per ampere]
+
+
+def make_control(num: int, action_scale: float, limit: float, torque_per_ampere: float) -> Control:
+    """Allocate for `num` episodes."""
+    return Control(
+        action=np.zeros(num),
+        base=np.zeros(num),
+        residual=np.zeros(num),
+        wanted=np.zeros(num),
+        commands=np.zeros((num, 2)),
+        report=np.zeros((1 if num == 1 else 0, len(REPORT))),
+        factors=np.array([action_scale, limit, torque_per_ampere]),
+    )
 
 
 @inlined

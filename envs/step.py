@@ -20,9 +20,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.control import Control
 from cjt_gym.envs.handover import opened
-from cjt_gym.envs.observe import SAFETY, Seen, Task, look_up, observe, reward, rotor_angle
+from cjt_gym.envs.observe import SAFETY, Control, Seen, Task, look_up, observe, reward, rotor_angle
 from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
 from cjt_gym.joint.compiled import compiled, inlined, threaded
 from cjt_gym.joint.lanes import advance

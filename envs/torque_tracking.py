@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.envs.arguments import argument_table, takes_arguments
-from cjt_gym.envs.control import REPORT
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.observation import PAST, PRESENT, ROWS, observation_table, with_tables
+from cjt_gym.envs.observe import REPORT
 from cjt_gym.envs.strip_chart import RENDER_MODES, StripChart
 
 Observation = NDArray[np.float32]
@@ -20,7 +20,6 @@ PLACES = (
     *("0 .. preview", *(f"preview + {k + 1}" for k in range(PRESENT))),
     *("then, newest first, `history` times", *[""] * (PAST - 1)),
 )
-__all__ = ["TorqueTrackingEnv"]
 
 
 @with_tables(

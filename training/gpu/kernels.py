@@ -14,8 +14,7 @@ import numpy as np
 from numba import float64
 from numpy.typing import NDArray
 
-from cjt_gym.envs.control import Control
-from cjt_gym.envs.observe import Task, draw_episode, rotor_angle
+from cjt_gym.envs.observe import Control, Task, draw_episode, rotor_angle
 from cjt_gym.envs.step import begin, command, seen, tell
 from cjt_gym.joint.arrays import Q_M, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
 from cjt_gym.joint.compiled import lean
