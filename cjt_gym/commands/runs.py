@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from cjt_gym.console import Answer
-from cjt_gym.training.benchmark.side_by_side import align, in_columns
+from cjt_gym.training.benchmark import align, in_columns
 from cjt_gym.training.learning.runs import COLUMNS, compared, find_runs
 
 

@@ -22,6 +22,11 @@ Group = tuple[str, str]
 MEANS = ("bandwidth_hz", "overshoot", "settling_s", "noise_amplification", "terminated")
 
 
+def place_of(result: Result) -> Group:
+    """Return joint and structure of a cell's result."""
+    return result["cell"]["joint"], result["cell"]["structure"]
+
+
 def merge(results: Sequence[Result]) -> list[dict[str, Any]]:
     """Return the rows of the benchmark, the episodes of all seeds of a cell pooled.
 
@@ -31,9 +36,7 @@ def merge(results: Sequence[Result]) -> list[dict[str, Any]]:
     by_cell: dict[tuple[str, str, str], list[Result]] = {}
     for result in results:
         if result["status"] == "done":
-            cell = result["cell"]
-            key = (cell["joint"], cell["structure"], result["agent"])
-            by_cell.setdefault(key, []).append(result)
+            by_cell.setdefault((*place_of(result), result["agent"]), []).append(result)
     return [
         _pool([next(row for row in r["rows"] if row["task"] == task) for r in same], same, task)
         for same in by_cell.values()
@@ -66,8 +69,7 @@ def rankings(results: Sequence[Result]) -> dict[Group, list[Place]]:
     groups: dict[Group, dict[str, dict[str, dict[str, list[float]]]]] = {}
     following = [r for r in results if r["status"] == "done" and not r["renders"]]
     for result in following or [r for r in results if r["status"] == "done"]:
-        cell = result["cell"]
-        group = groups.setdefault((cell["joint"], cell["structure"]), {})
+        group = groups.setdefault(place_of(result), {})
         agent = group.setdefault(result["agent"], {"squares": {}, "powers": {}})
         for kind, tasks in agent.items():
             for task, values in result[kind].items():
@@ -103,9 +105,7 @@ def write_benchmark(results: Sequence[Result], out: Path, facts: Sequence[str]) 
 
 def effects_in_force(results: Sequence[Result], joint: str, structure: str) -> str:
     """Say which effects acted on a joint."""
-    cells = [
-        r for r in results if (r["cell"]["joint"], r["cell"]["structure"]) == (joint, structure)
-    ]
+    cells = [r for r in results if place_of(r) == (joint, structure)]
     names = next(r["effects"] for r in cells if r["status"] == "done")
     return f"Effects in force: {', '.join(names) or 'none'}"
 
@@ -114,7 +114,7 @@ def _group(
     key: Group, places: list[Place], results: Sequence[Result], rows: list[dict[str, Any]]
 ) -> tuple[list[Place], list[Result], list[dict[str, Any]]]:
     """Return a ranking, the first seed's cells in its order, those without rank last, its rows."""
-    here = [r for r in results if (r["cell"]["joint"], r["cell"]["structure"]) == key]
+    here = [r for r in results if place_of(r) == key]
     first: dict[str, Result] = {}
     for result in here:
         if result["status"] == "done":
@@ -128,6 +128,5 @@ def _without_seeds(others: Sequence[Result]) -> list[Result]:
     """Return one cell for all seeds of what was refused or failed."""
     seen: dict[tuple[str, str, str], Result] = {}
     for other in others:
-        cell = other["cell"]
-        seen.setdefault((other["agent"], cell["joint"], cell["structure"]), other)
+        seen.setdefault((other["agent"], *place_of(other)), other)
     return list(seen.values())
