@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from cjt_gym.baselines.entry import ControllerEntry, Gain, Gains
+from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.linear_law import REFERENCE, Block, LinearLaw, assemble, integrator, total
 from cjt_gym.baselines.linear_row import MakeAddition, grid, linear_row
 from cjt_gym.baselines.own import is_own
@@ -47,7 +47,6 @@ def composed_row(
     addition: MakeAddition | None = None,
     learning: Callable[[SampledJoint, LinearLaw], Gains] | None = None,
     structures: tuple[str, ...] = (),
-    refusal: str = "",
 ) -> ControllerEntry:
     """Return the row of a controller that is put together from parts.
 
@@ -63,10 +62,9 @@ def composed_row(
         addition: Makes what it adds to the command of the parts.
         learning: Default gains that follow from the linear law with the defaults of the others.
         structures: Structures that it holds for; those of the parts if left out.
-        refusal: Why it does not hold for the others.
     """
     parts = _parts(word)
-    holds = [part for part in parts if part.refusal]
+    holds = [part for part in parts if part.structures != SPRUNG]
     return linear_row(
         name,
         summary,
@@ -75,7 +73,6 @@ def composed_row(
         lambda model, **gains: assemble(model.dt, _whole(parts, model, gains)),
         candidates or partial(_tries, parts),
         structures or (holds or parts)[0].structures,
-        refusal or (holds[0].refusal if holds else ""),
         addition or next((part.addition for part in parts if part.addition is not None), None),
         learning,
     )

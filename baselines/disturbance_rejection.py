@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
+from cjt_gym.baselines.entry import FIXED, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.extended_state import designed
@@ -52,5 +52,4 @@ ROW = linear_row(
     law=disturbance_rejection_law,
     candidates=_candidates,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

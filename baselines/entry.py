@@ -14,6 +14,12 @@ EVERY = tuple(STRUCTURES)
 SPRUNG = tuple(name for name, row in STRUCTURES.items() if row.has_spring)
 FIXED = tuple(name for name, row in STRUCTURES.items() if row.output_fixed)
 """Structures with a torsion bar, and those whose output is fixed."""
+NO_SPRING = "without a torsion bar there is no joint torque to measure"
+ZERO_AT_REST = (
+    "with a free load the joint torque has a zero at zero frequency (a torque that lasts turns the "
+    "load ever faster), which an integral or an inverse would have to cancel"
+)
+"""Why a law does not hold for a structure."""
 
 Gains = Mapping[str, float]
 
@@ -63,7 +69,7 @@ class ControllerEntry:
         defaults: Designs the gains for a joint and a sample time [s].
         build: Makes the controller for a joint, a sample time [s] and a value of every gain.
         structures: The structures that it holds for.
-        refusal: Why it does not hold for the others with a torsion bar.
+        refusal: Why it does not hold for the others with a torsion bar: as a rule, their free load.
         renders: Whether it renders a spring and a damper of its own, gains `stiffness` and
             `damping`, so that the joint torque is not meant to equal the reference.
         kind: "classical", to tell it from learned policies.
@@ -76,7 +82,7 @@ class ControllerEntry:
     defaults: Callable[[Joint, float], Gains]
     build: Callable[[Joint, float, Gains], Controller]
     structures: tuple[str, ...] = EVERY
-    refusal: str = ""
+    refusal: str = ZERO_AT_REST
     renders: bool = False
     kind: str = "classical"
 
@@ -122,11 +128,3 @@ def check_gains(owner: str, tunable: Iterable[Gain], gains: Gains) -> None:
                 f"Gain {name} of {owner} must be in [{gain.low:g}, {gain.high:g}] {gain.unit}"
                 f"{', or 0' if gain.off else ''}, got {value!r}."
             )
-
-
-NO_SPRING = "without a torsion bar there is no joint torque to measure"
-ZERO_AT_REST = (
-    "with a free load the joint torque has a zero at zero frequency (a torque that lasts turns the "
-    "load ever faster), which an integral or an inverse would have to cancel"
-)
-"""Why a law does not hold for a structure."""

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from cjt_gym.baselines.controller import Floats, Mask
-from cjt_gym.baselines.filters import FilteredDerivative
 from cjt_gym.baselines.linear_row import grid
-from cjt_gym.baselines.pid import CUTOFF_HZ, damping_gains
+from cjt_gym.baselines.pid import CUTOFF_HZ, FilteredDerivative, damping_gains
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_are, solve_discrete_are
 
 from cjt_gym.baselines.controller import Floats
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
+from cjt_gym.baselines.entry import FIXED, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, signals, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.mechanics import with_commands
@@ -142,5 +142,4 @@ ROW = linear_row(
     law=h_infinity_law,
     candidates=_candidates,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

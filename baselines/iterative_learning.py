@@ -35,7 +35,7 @@ import numpy as np
 
 from cjt_gym.baselines.compose import composed_row
 from cjt_gym.baselines.controller import Floats, Mask
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, Gain, Gains
 from cjt_gym.baselines.feedforward import pd_candidates
 from cjt_gym.baselines.linear_law import LinearLaw
 from cjt_gym.baselines.pid import KD, KP, LATE
@@ -188,5 +188,4 @@ ROW = composed_row(
     addition=_learnt,
     learning=_learning,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

@@ -25,7 +25,6 @@ def linear_row(
     law: Callable[..., LinearLaw],
     candidates: Callable[[SampledJoint], Iterable[Gains]],
     structures: tuple[str, ...] = EVERY,
-    refusal: str = "",
     addition: MakeAddition | None = None,
     learning: Callable[[SampledJoint, LinearLaw], Gains] | None = None,
 ) -> ControllerEntry:
@@ -51,7 +50,7 @@ def linear_row(
         added = addition(model, gains, linear, limit) if addition is not None else None
         return LinearController(linear, limit, added)
 
-    return ControllerEntry(name, summary, source, tunable, defaults, build, structures, refusal)
+    return ControllerEntry(name, summary, source, tunable, defaults, build, structures)
 
 
 def grid(**values: Iterable[float]) -> list[dict[str, float]]:

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
+from cjt_gym.baselines.entry import FIXED, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.kalman import kalman_filter
@@ -70,5 +70,4 @@ ROW = linear_row(
     law=lqg_law,
     candidates=_candidates,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
+from cjt_gym.baselines.entry import FIXED, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -48,5 +48,4 @@ ROW = linear_row(
     law=lqi_law,
     candidates=_candidates,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

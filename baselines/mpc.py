@@ -27,7 +27,7 @@ from scipy.sparse import csc_matrix
 
 from cjt_gym.baselines import lqg
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, ControllerEntry, Gains
+from cjt_gym.baselines.entry import FIXED, ControllerEntry, Gains
 from cjt_gym.baselines.observers.kalman import kalman_filter
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
@@ -148,5 +148,4 @@ ROW = ControllerEntry(
     defaults=lqg.ROW.defaults,
     build=_build,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

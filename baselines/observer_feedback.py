@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
+from cjt_gym.baselines.entry import FIXED, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import linear_row
 from cjt_gym.baselines.lqg import observed_feedback
@@ -68,5 +68,4 @@ ROW = linear_row(
     law=observer_feedback_law,
     candidates=_candidates,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

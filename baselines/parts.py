@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, SPRUNG, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, SPRUNG, Gain, Gains
 from cjt_gym.baselines.feedforward import SHARE, SMOOTHING, KnownFriction
 from cjt_gym.baselines.linear_law import Block, static, through, total
 from cjt_gym.baselines.linear_row import MakeAddition
@@ -49,11 +49,6 @@ class Part:
     structures: tuple[str, ...] = SPRUNG  # the structures that it holds for
     # makes what it adds beside its block, where that is no linear law
     addition: MakeAddition | None = None
-
-    @property
-    def refusal(self) -> str:
-        """Why it does not hold for other structures with a torsion bar."""
-        return "" if self.structures == SPRUNG else ZERO_AT_REST
 
 
 def _pid(model: SampledJoint, gains: Gains) -> Block:

@@ -8,10 +8,9 @@ from typing import final
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.filters import FilteredDerivative
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid
-from cjt_gym.baselines.pid import CUTOFF_HZ, KD, KP, damping_gains, pid
+from cjt_gym.baselines.pid import CUTOFF_HZ, KD, KP, FilteredDerivative, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import best_gains
 from cjt_gym.errors import ConfigurationError, check_name

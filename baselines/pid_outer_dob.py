@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
+from cjt_gym.baselines.entry import FIXED, Gain
 from cjt_gym.baselines.linear_law import (
     REFERENCE,
     Block,
@@ -115,5 +115,4 @@ ROW = linear_row(
     law=outer_dob_law,
     candidates=_candidates,
     structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

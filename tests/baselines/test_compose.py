@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from cjt_gym import load_joint
 from cjt_gym.baselines import CONTROLLERS, Controller, default_gains, get_entry, make_controller
-from cjt_gym.baselines.filters import FilteredDerivative
 from cjt_gym.baselines.linear_law import REFERENCE, TAU
 from cjt_gym.baselines.parts import OBSERVER, PARTS
+from cjt_gym.baselines.pid import FilteredDerivative
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import PEAK, is_stable, make_bench
 from cjt_gym.errors import ConfigurationError, UnknownNameError
