@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.plant import Measurement
 
 if TYPE_CHECKING:
@@ -115,8 +115,8 @@ def check(
     name: str,
     unit: str,
     *,
-    above: float | None = None,
-    low: float | None = None,
+    above: float = -math.inf,
+    low: float = -math.inf,
     finite: bool = True,
 ) -> None:
     """Check the range of one number of a controller.
@@ -132,13 +132,5 @@ def check(
     Raises:
         ConfigurationError: It is out of range.
     """
-    value = float(getattr(owner, name))
-    good = not math.isnan(value) and (not finite or math.isfinite(value))
-    good = good and (above is None or value > above) and (low is None or value >= low)
-    if not good:
-        sign = f"> {above:g}" if above is not None else f">= {low:g}" if low is not None else ""
-        range_text = " and ".join(filter(None, ("finite" if finite else "", sign)))
-        raise ConfigurationError(
-            f"{name} of {type(owner).__name__} must be {range_text}{' ' + unit if unit else ''}, "
-            f"got {value}."
-        )
+    what = f"{name} of {type(owner).__name__}"
+    check_range(what, float(getattr(owner, name)), unit, low=low, above=above, finite=finite)

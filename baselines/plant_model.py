@@ -12,7 +12,7 @@ from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
 from cjt_gym.baselines.mechanics import Mechanics, mechanics, placed, with_commands
 from cjt_gym.baselines.rational import Rational, transfer_function
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Complex
 from cjt_gym.joint.linear import frequency_response
@@ -39,10 +39,7 @@ class SampledJoint:
     dt: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.dt) and self.dt > 0.0):
-            raise ConfigurationError(
-                f"The sample time of a controller or an observer must be > 0 s, got {self.dt}."
-            )
+        check_range("The sample time of a controller or an observer", self.dt, "s", above=0.0)
 
     @cached_property
     def mechanics(self) -> Mechanics:

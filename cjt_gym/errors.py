@@ -6,29 +6,14 @@ remedy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
+from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-__all__ = [
-    "CjtGymError",
-    "CjtGymWarning",
-    "ConfigurationError",
-    "HardwareError",
-    "MissingFileError",
-    "OutsideFoundWarning",
-    "ParameterError",
-    "ProtocolError",
-    "RecordError",
-    "SimulationError",
-    "UnknownNameError",
-    "check_name",
-    "did_you_mean",
-    "unknown_key",
-    "unknown_name",
-]
 
 
 class CjtGymError(Exception):
@@ -136,3 +121,39 @@ def check_name(what: str, name: object, known: Collection[str]) -> None:
     """Raise `unknown_name` unless `name` is among the `known` ones."""
     if name not in known:
         raise unknown_name(what, str(name), known)
+
+
+def check_range(
+    what: str,
+    value: Any,
+    unit: str = "",
+    *,
+    low: float = -math.inf,
+    above: float = -math.inf,
+    high: float = math.inf,
+    finite: bool = True,
+    whole: bool = False,
+) -> None:
+    """Check that a value is a number, not less than `low`, more than `above`, at most `high`.
+
+    `what` is its name and whose it is; it may be infinite unless it must be `finite`, and must be a
+    `whole` number where that is said.
+
+    Raises:
+        ConfigurationError: It is no such number.
+
+    Example:
+        >>> check_range("dt of mine.toml", 0.2, "s", above=0.0, high=0.1)
+        Traceback (most recent call last):
+        cjt_gym.errors.ConfigurationError: dt of mine.toml must be > 0 and <= 0.1 s, got 0.2.
+    """
+    is_number = isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
+    number = float(value) if is_number else math.nan
+    if above < number and low <= number <= high and (math.isfinite(number) or not finite):
+        return
+    ends = ((">", above), (">=", low), ("<=", high))
+    allowed = [f"{sign} {end:.10g}" for sign, end in ends if math.isfinite(end)]
+    if finite and not whole and math.isinf(high) and type(value) is not int:
+        allowed.insert(0, "finite")
+    kind = "a whole number " * whole + " and ".join(allowed)
+    raise ConfigurationError(f"{what} must be {kind}{unit and ' '}{unit}, got {value!r}.")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cjt_gym.envs.observation import Row, divisors, observes
 from cjt_gym.envs.settings import sampled
 from cjt_gym.envs.strip_chart import RENDER_MODES, StripChart
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_range, unknown_name
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import VOLTS
 from cjt_gym.joint.batch import JointBatch
@@ -135,8 +135,7 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
                 f"drive of CurrentControlEnv must be 'dq' or 'rl' and structure 'rigid', got "
                 f"{joint.drive!r} and {joint.structure!r}."
             )
-        if episode_steps < 1:
-            raise ConfigurationError(f"episode_steps must be >= 1, got {episode_steps}.")
+        check_range("episode_steps", episode_steps, low=1)
         p = joint.parameters
         emf = p.k_t * p.n * (2.0 / 3.0 if joint.drive == "dq" else 1.0)
         self.joint, self.episode_steps, self.render_mode = joint, episode_steps, render_mode
@@ -145,8 +144,7 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
         if not np.isfinite(self.peak):
             raise ConfigurationError(f"i_p [A] of {p.origin} is needed: the limit of the current.")
         self.speed = SPEED_SHARE * p.v_0 / emf if speed is None else float(speed)
-        if not (np.isfinite(self.speed) and self.speed > 0.0):
-            raise ConfigurationError(f"speed must be finite and > 0 rad/s, got {speed}.")
+        check_range("speed", self.speed, "rad/s", above=0.0)
         self.i_p, self.v_0 = float(p.i_p), float(p.v_0)
         self._divisors = divisors(Observed, self)
         usual = Signal("step", amplitude=LEVEL_SHARE * self.peak, period=HOLD)

@@ -7,18 +7,16 @@ compute in NumPy, ONNX and C (`cjt_gym.training.deploy`).
 
 from __future__ import annotations
 
-import math
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from numbers import Integral, Real
 from typing import Annotated, Any, Final, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import check_range
 from cjt_gym.joint.border import checked_array
 
 Class = TypeVar("Class", bound=type)
@@ -105,20 +103,11 @@ class Layout:
 
     def __post_init__(self) -> None:
         for name, least in (("preview", 0), ("history", 1)):
-            number = getattr(self, name)
-            if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
-                raise ConfigurationError(
-                    f"{name} must be a whole number >= {least}, got {number!r}."
-                )
+            check_range(name, getattr(self, name), low=least, whole=True)
         positive = {**SCALES, "n": ("n", "-"), "dt": ("dt_control", "s")}
         for name, (argument, unit) in positive.items():
-            number = getattr(self, name)
-            real = isinstance(number, Real) and not isinstance(number, bool)
-            if not (real and math.isfinite(number) and number > 0.0):
-                raise ConfigurationError(
-                    f"{argument} must be finite and > 0 {unit}, got {number!r}."
-                )
-            object.__setattr__(self, name, float(number))
+            check_range(argument, getattr(self, name), unit, above=0.0)
+            object.__setattr__(self, name, float(getattr(self, name)))
         numbers = self.joint_numbers
         if len(numbers) > 0:
             numbers = tuple(checked_array("joint_numbers", numbers, (None,)).tolist())

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.core import make_base
 from cjt_gym.envs.observation import CLIP, Row, divisors, observes
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_range, unknown_name
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
@@ -118,12 +118,9 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise unknown_name("render mode", str(render_mode), ["rgb_array"])
-        if not (math.isfinite(action_scale) and action_scale > 0.0):
-            raise ConfigurationError(f"action_scale must be > 0 N m, got {action_scale}.")
-        if decimation < 1 or episode_steps < 1:
-            raise ConfigurationError(
-                f"decimation and episode_steps must be >= 1, got {decimation} and {episode_steps}."
-            )
+        check_range("action_scale", action_scale, "N m", above=0.0)
+        check_range("decimation", decimation, low=1)
+        check_range("episode_steps", episode_steps, low=1)
         if not isinstance(joint, Joint):
             joint = load_joint(joint, "output_fixed_rigid_gearbox", effects=effects)
         self.robot = get_robot(robot)

@@ -11,7 +11,7 @@ import numpy as np
 
 from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
-from cjt_gym.errors import ConfigurationError, check_name
+from cjt_gym.errors import ConfigurationError, check_name, check_range
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
@@ -138,8 +138,7 @@ def make_settings(given: TaskArguments) -> Settings:
         loaded = default_load(str(joint), structure, parameters or {})
         joint = load_joint(joint, structure, drive, effects, loaded)
     joint = with_current_loop(joint, dt_physics)
-    if given.episode_steps < 1:
-        raise ConfigurationError(f"episode_steps must be >= 1, got {given.episode_steps}.")
+    check_range("episode_steps", given.episode_steps, low=1)
     load = "zero" if given.disturbance is None else given.disturbance
     disturbances = make_signals(load, 1.0, high=5.0)
     layout = _layout(joint, given, disturbances)
@@ -216,8 +215,7 @@ def _history(joint: Joint, given: TaskArguments, variations: Mapping[str, Variat
 def _weights(given: Mapping[str, float] | None) -> dict[str, float]:
     for name, value in (given or {}).items():
         check_name("reward term", name, REWARD_WEIGHTS)
-        if not (math.isfinite(value) and value >= 0.0):
-            raise ConfigurationError(f"The weight of reward term {name} must be >= 0, got {value}.")
+        check_range(f"The weight of reward term {name}", value, low=0.0)
     return {**REWARD_WEIGHTS, **(given or {})}
 
 

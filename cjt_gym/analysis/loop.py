@@ -8,7 +8,7 @@ import numpy as np
 
 from cjt_gym.analysis.probe import LinearLaw, LinearPlant
 from cjt_gym.analysis.system import Complex, Floats, System
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import check_range
 
 MARGINAL = 1e-4
 """A pole this close to the unit circle counts as the free motion of an undamped joint."""
@@ -143,10 +143,7 @@ class Loop:
         Raises:
             ConfigurationError: It is negative.
         """
-        if stiffness < 0.0:
-            raise ConfigurationError(
-                f"The stiffness of a rendered spring must be >= 0 N m/rad, got {stiffness:g}."
-            )
+        check_range("The stiffness of a rendered spring", stiffness, "N m/rad", low=0.0)
         channels, system = self.law.channels, self.law.system
         b, d = system.b.copy(), system.d.copy()
         if "q_l" not in channels:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from cjt_gym.errors import ConfigurationError, ParameterError, unknown_key
+from cjt_gym.errors import ConfigurationError, ParameterError, check_range, unknown_key
 from cjt_gym.joint.quantity import parse_quantity
 
 REQUIRED: Any = object()
@@ -69,10 +69,7 @@ class Section:
         value = self._given(key, str(low), default)
         if value is default:
             return default
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise ConfigurationError(
-                f"{key} of {self.owner} must be a whole number from {low} to {high}, got {value!r}."
-            )
+        check_range(f"{key} of {self.owner}", value, low=low, high=high, whole=True)
         return value
 
     def number(
@@ -87,12 +84,7 @@ class Section:
         value = self._given(key, "...", default)
         if value is default:
             return default
-        good = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (good and low < value <= high and math.isfinite(value)):
-            top = "" if math.isinf(high) else f" and <= {high:g}"
-            raise ConfigurationError(
-                f"{key} of {self.owner} must be > {low:g}{top} {unit}, got {value!r}."
-            )
+        check_range(f"{key} of {self.owner}", value, unit, above=low, high=high)
         return float(value)
 
     def quantity(
@@ -117,11 +109,5 @@ class Section:
                 f"{key} of {self.owner} must be in {unit}, got the unit '{given.unit}'. Convert "
                 "the value."
             )
-        if not low <= value <= high:
-            top = "" if math.isinf(high) else f"<= {high:g}"
-            bottom = "" if math.isinf(low) else f">= {low:g}"
-            allowed = " and ".join(part for part in (bottom, top) if part)
-            raise ConfigurationError(
-                f"{key} of {self.owner} must be {allowed} {unit}, got {value:g}."
-            )
+        check_range(f"{key} of {self.owner}", value, unit, low=low, high=high, finite=False)
         return value

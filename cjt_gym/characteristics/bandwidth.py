@@ -23,7 +23,7 @@ from cjt_gym.characteristics.motor import (
     torque_per_ampere,
     zero_torque_speed,
 )
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import JointParameters, get_structure
 from cjt_gym.joint.arrays import Complex
 from cjt_gym.joint.linear import OUTPUTS, frequency_response, state_matrices
@@ -155,8 +155,7 @@ def torque_bandwidth(
     Returns:
         The frequency, between 0.01 and 10000 Hz; 0 where the amplitude is never available.
     """
-    if not amplitude > 0.0:
-        raise ConfigurationError(f"The amplitude must be > 0 N m, got {amplitude:g}.")
+    check_range("The amplitude", amplitude, "N m", above=0.0, finite=False)
     f = np.geomspace(LOWEST_HZ, HIGHEST_HZ, 601)
     for _ in range(3):
         limits = torque_limits(p, f, load)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from cjt_gym.errors import ConfigurationError, ParameterError
+from cjt_gym.errors import ParameterError, check_range
 from cjt_gym.joint import Quantity
 
 EXPONENTS: Mapping[str, int] = MappingProxyType(
@@ -55,8 +55,7 @@ def to_motor(quantity: Quantity, n: float) -> Quantity:
 
 
 def _scaled(quantity: Quantity, n: float, sign: int) -> Quantity:
-    if not n > 0.0:
-        raise ConfigurationError(f"The transmission ratio n must be > 0, got {n:g}.")
+    check_range("The transmission ratio n", n, above=0.0)
     if quantity.unit not in EXPONENTS:
         raise ParameterError(
             f"A quantity in {quantity.unit} cannot be moved across the gear. Known units: "

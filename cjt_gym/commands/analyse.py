@@ -22,7 +22,7 @@ from cjt_gym.console.options import (
 )
 from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import Joint
 from cjt_gym.joint.linear import OUTPUTS
 
@@ -65,8 +65,8 @@ def run(options: argparse.Namespace) -> Answer:
             "--identify measures from tau_m to tau; leave --input and --output at them."
         )
     dt = options.dt
-    if dt is not None and not 0.0 < dt <= LONGEST:
-        raise ConfigurationError(f"--dt must be > 0 and <= {LONGEST:g} s, got {dt:g}.")
+    if dt is not None:
+        check_range("--dt", dt, "s", above=0.0, high=LONGEST)
     if dt is None and options.identify is not None:
         dt = DT
     cases = list(_cases(options, dt or DT))

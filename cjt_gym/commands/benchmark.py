@@ -19,7 +19,7 @@ from cjt_gym.console.options import (
     structures_of,
     tell_effects,
 )
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.records.repair_notes import counted
 from cjt_gym.training.benchmark.cluster import BACKENDS
@@ -79,8 +79,7 @@ def run(options: argparse.Namespace) -> Answer:
 
 def _cells(options: argparse.Namespace) -> list[Cell]:
     controllers = list(CONTROLLERS) if options.controller == [ALL] else options.controller
-    if options.seeds < 1:
-        raise ConfigurationError(f"--seeds must be >= 1, got {options.seeds}.")
+    check_range("--seeds", options.seeds, low=1)
     words = effect_words(options)
     asked = {
         "effects": None if words is None else tuple(words),

@@ -24,7 +24,7 @@ from cjt_gym.blind.score import score_case, summarise
 from cjt_gym.blind.table import table
 from cjt_gym.console import Answer
 from cjt_gym.disk import read_json, write_text
-from cjt_gym.errors import ConfigurationError, check_name, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name, check_range, unknown_name
 from cjt_gym.gap.blind_case import diagnose_case, warm_up
 
 SETTINGS = ("seed", "structure", "strength", "duration", "logs")
@@ -72,12 +72,8 @@ def run(options: argparse.Namespace) -> Answer:
 
 def _check(options: argparse.Namespace) -> None:
     for name, low in (("cases", 1), ("workers", 1), ("seed", 0), ("duration", 2.0)):
-        if not getattr(options, name) >= low:
-            raise ConfigurationError(
-                f"--{name} must be >= {low:g}, got {getattr(options, name):g}."
-            )
-    if not 0.0 <= options.strength <= 3.0:
-        raise ConfigurationError(f"--strength must be within 0 and 3, got {options.strength:g}.")
+        check_range(f"--{name}", getattr(options, name), low=low)
+    check_range("--strength", options.strength, low=0.0, high=3.0)
     if options.structure is not None and options.structure not in STRUCTURES:
         raise unknown_name("structure", options.structure, STRUCTURES)
     check_name("kind of logs", options.logs, BLOCKS)

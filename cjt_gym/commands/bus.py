@@ -9,7 +9,7 @@ from pathlib import Path
 from cjt_gym.canbus.bus_load import BITRATE, DATA_BITRATE, BusLoad, bus_load
 from cjt_gym.canbus.config import load_joints
 from cjt_gym.console import Answer
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import check_range
 
 LEAST, MOST = 10_000, 20_000_000
 """Bit rates that are taken [bit/s]."""
@@ -29,11 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Say what each joint asks of the bus, and which rate it carries. No bus is touched."""
     for name in ("bitrate", "data_bitrate"):
-        value = getattr(options, name)
-        if value is not None and not LEAST <= value <= MOST:
-            raise ConfigurationError(
-                f"--{name.replace('_', '-')} must be >= {LEAST} and <= {MOST} bit/s, got {value:g}."
-            )
+        if (value := getattr(options, name)) is not None:
+            check_range(f"--{name.replace('_', '-')}", value, "bit/s", low=LEAST, high=MOST)
     load = bus_load(load_joints(options.config), options.bitrate, options.data_bitrate)
     form = "{:16}{:10}{:>6}{:>11}{:>11}{:>8}\n"
     text = form.format("joint", "protocol", "node", "frames/s", "kbit/s", "share")

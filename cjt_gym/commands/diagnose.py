@@ -13,7 +13,7 @@ from pathlib import Path
 from cjt_gym.console import Answer
 from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
-from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
+from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError, check_range
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.gap.recorded.series import ENOUGH, same_file
@@ -73,8 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Diagnose, write the three files, and print what was found."""
     started = time.perf_counter()
-    if not options.seconds >= WINDOW:
-        raise ConfigurationError(f"--seconds must be >= {WINDOW:g} s, got {options.seconds:g}.")
+    check_range("--seconds", options.seconds, "s", low=WINDOW)
     tell = Teller(started)
     tell("reading records")
     joint = _nominal(options)

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from cjt_gym.canbus.ports import Port, open_port
 from cjt_gym.console.endings import ending_signals
 from cjt_gym.console.options import asked_effects, check_seed, check_time
 from cjt_gym.disk import write_text
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import EFFECTS, Joint
 
 WARM_UP = 0.1
@@ -55,8 +56,7 @@ def run(options: argparse.Namespace) -> None:
     check_time("seconds", options.seconds)
     configs = [with_options(c, options) for c in load_joints(options.config, options.joint)]
     config = configs[0]
-    if options.hidden_seed is not None and options.hidden_seed < 0:
-        raise ConfigurationError(f"--hidden-seed must be >= 0, got {options.hidden_seed}.")
+    check_seed(options.hidden_seed, "hidden-seed")
     if options.hidden_seed is not None and options.effect is not None:
         raise ConfigurationError("Give --hidden-seed or --effect, not both.")
     joints = [_emulated(each, options, k) for k, each in enumerate(configs)]
@@ -86,12 +86,8 @@ def with_options(config: HardwareConfig, options: argparse.Namespace) -> Hardwar
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     for name, value in given.items():
         top = 0.95 if name in ("loss", "load") else 1.0 if name in ("latency", "jitter") else 1e6
-        low_enough = value > 0.0 if name == "speed" else value >= 0.0
-        if not (low_enough and value <= top):
-            raise ConfigurationError(
-                f"--{name} must be {'>' if name == 'speed' else '>='} 0 and <= {top:g}, got "
-                f"{value}."
-            )
+        low, above = (-inf, 0.0) if name == "speed" else (0.0, -inf)
+        check_range(f"--{name}", value, low=low, above=above, high=top)
     return replace(config, emulator=replace(config.emulator, **given))
 
 
@@ -143,5 +139,5 @@ def _until(seconds: float | None) -> Callable[[], bool]:
 
     for number in ending_signals():
         signal.signal(number, stop)
-    end = float("inf") if seconds is None else time.monotonic() + seconds
+    end = inf if seconds is None else time.monotonic() + seconds
     return lambda: stopped or time.monotonic() >= end

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_range, unknown_name
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint, load_joint_file
 from cjt_gym.joint.effect_words import effects_in_words, parse_effects
 from cjt_gym.plant.randomization import PRESETS
@@ -109,13 +109,13 @@ def tell_effects(joint: Joint) -> None:
     sys.stderr.write(f"{effects_in_words(joint)}\n")
 
 
-def check_seed(seed: int | None) -> None:
+def check_seed(seed: int | None, name: str = "seed") -> None:
     """Raise ConfigurationError if a seed is negative."""
-    if seed is not None and seed < 0:
-        raise ConfigurationError(f"--seed must be >= 0, got {seed}.")
+    if seed is not None:
+        check_range(f"--{name}", seed, low=0)
 
 
 def check_time(name: str, value: float | None) -> None:
     """Raise ConfigurationError if a time that was given is not > 0 s."""
-    if value is not None and not value > 0.0:
-        raise ConfigurationError(f"--{name} must be > 0 s, got {value:g}.")
+    if value is not None:
+        check_range(f"--{name}", value, "s", above=0.0)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.configure import FIELDS
 
@@ -63,8 +62,7 @@ class Bodies:
 
 def check_exportable(joint: Joint, timestep: float, target: str) -> None:
     """Raise ConfigurationError for a prismatic axis, or a time step that is not > 0 s."""
-    if not (math.isfinite(timestep) and timestep > 0.0):
-        raise ConfigurationError(f"timestep of the export must be > 0 s, got {timestep}.")
+    check_range("timestep of the export", timestep, "s", above=0.0)
     if joint.parameters.axis == "prismatic":
         raise ConfigurationError(
             f"{joint.file.name} is prismatic; only rotary joints can be exported to {target}."

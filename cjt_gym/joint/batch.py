@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, SimulationError
+from cjt_gym.errors import ConfigurationError, SimulationError, check_range
 from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.current_loop import check_loop, longest_sample
@@ -35,10 +35,8 @@ LONGEST_DELAY = 100_000
 
 def substeps_of(dt: float, dt_physics: float) -> int:
     """Return how many substeps make a control step."""
-    if not (dt > 0.0 and dt_physics > 0.0 and math.isfinite(dt) and math.isfinite(dt_physics)):
-        raise ConfigurationError(
-            f"dt_control and dt_physics must be > 0 s, got {dt:g} s and {dt_physics:g} s."
-        )
+    check_range("dt_control", dt, "s", above=0.0)
+    check_range("dt_physics", dt_physics, "s", above=0.0)
     count = round(dt / dt_physics)
     if count < 1 or abs(count * dt_physics - dt) > 1e-9 * dt:
         raise ConfigurationError(

@@ -8,7 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unknown_name
+from cjt_gym.errors import (
+    ConfigurationError,
+    UnknownNameError,
+    check_name,
+    check_range,
+    unknown_name,
+)
 from cjt_gym.joint.border import checked_array
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import evaluate as ev
@@ -58,17 +64,10 @@ class Signal:
 
     def __post_init__(self) -> None:
         check_name("signal", self.kind, KINDS)
-        numbers = {"amplitude": self.amplitude, "low": self.low, "high": self.high}
-        for name, value in {**numbers, "period": self.period}.items():
-            low = -np.inf if name == "amplitude" else 0.0
-            if not (np.isfinite(value) and value > low):
-                unit = {"amplitude": "", "period": " s"}.get(name, " Hz")
-                raise ConfigurationError(
-                    f"{name} of the {self.kind} signal must be finite"
-                    f"{'' if name == 'amplitude' else ' and > 0' + unit}, got {value}."
-                )
-        if self.count < 1:
-            raise ConfigurationError(f"count of the signal must be >= 1, got {self.count}.")
+        check_range(f"amplitude of the {self.kind} signal", self.amplitude)
+        for name, unit in (("low", "Hz"), ("high", "Hz"), ("period", "s")):
+            check_range(f"{name} of the {self.kind} signal", getattr(self, name), unit, above=0.0)
+        check_range("count of the signal", self.count, low=1)
         if self.kind == "multisine":
             tones = np.zeros((self.count, 2))
             tones[:, 0] = np.geomspace(self.low, self.high, self.count)

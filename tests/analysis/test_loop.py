@@ -196,7 +196,7 @@ def test_the_stiffest_wall_is_that_of_colgate_and_schenkel() -> None:
     damping = 2.0
     loop = Loop(LinearLaw(direct, (), 0.0), mass_and_damper(0.05, damping))
     assert stiffest_rendered(loop) == pytest.approx(2.0 * damping / DT, rel=0.05)
-    with pytest.raises(ConfigurationError, match="must be >= 0"):
+    with pytest.raises(ConfigurationError, match="must be finite and >= 0"):
         loop.rendering(-1.0)
 
 

@@ -158,7 +158,7 @@ def test_numbers_of_observers_are_asked_for() -> None:
         make_observer("momentum", model, {"hz": 1.0})
     with pytest.raises(ConfigurationError, match="takes one measured signal, got tau, q_m"):
         make_observer("disturbance", model, {"bandwidth_hz": 9.0}, ("tau", "q_m"))
-    with pytest.raises(ConfigurationError, match="must be > 0 s, got 0"):
+    with pytest.raises(ConfigurationError, match="must be finite and > 0 s, got 0"):
         SampledJoint(a_joint(), 0.0)
 
 

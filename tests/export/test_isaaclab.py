@@ -61,7 +61,7 @@ def test_the_table_names_rows_of_the_effect_table_and_every_effect_is_accounted_
 
 
 def test_a_time_step_that_is_none_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="timestep of the export must be > 0 s"):
+    with pytest.raises(ConfigurationError, match="timestep of the export must be finite and > 0 s"):
         to_isaaclab(load_joint("orange_80_6000", FIXED), 0.0)
 
 

@@ -133,7 +133,7 @@ def test_the_table_names_rows_of_the_effect_table() -> None:
 
 @pytest.mark.parametrize("timestep", [0.0, -1.0, float("nan")])
 def test_a_time_step_that_is_none_is_refused(timestep: float) -> None:
-    with pytest.raises(ConfigurationError, match="timestep of the export must be > 0 s"):
+    with pytest.raises(ConfigurationError, match="timestep of the export must be finite and > 0 s"):
         to_mujoco(load_joint("orange_80_6000", FIXED), timestep)
 
 

@@ -49,7 +49,7 @@ def test_a_search_tries_the_recipe_first_and_goes_on(tiny: TrainConfig, tmp_path
 
 
 def test_a_search_without_trials_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="--trials, --steps and --episodes must be >= 1"):
+    with pytest.raises(ConfigurationError, match="--trials must be >= 1"):
         search(Plan("quiet_residual", tmp_path, trials=0))
 
 

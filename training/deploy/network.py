@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, check_name
+from cjt_gym.errors import ConfigurationError, check_name, check_range
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined, reordered, threaded
 
@@ -138,8 +138,7 @@ class Network:
             what = f"{name} of the observations of a policy"
             array = checked_array(what, getattr(self, name), (size,), np.float32)
             object.__setattr__(self, name, array)
-        if not (math.isfinite(self.clip) and self.clip > 0.0):
-            raise ConfigurationError(f"clip of a policy must be finite and > 0, got {self.clip}.")
+        check_range("clip of a policy", self.clip, above=0.0)
         for k, (one, other) in enumerate(pairwise(self.layers)):
             if other.weight.shape[1] != len(one.bias):
                 raise ConfigurationError(

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.training.evaluation import metrics
 from cjt_gym.training.evaluation.conditions import (
     BANDWIDTH_HIGH,
@@ -93,10 +93,8 @@ class Evaluation:
 
 def check_episodes(episodes: int, seed: int) -> None:
     """Reject a number of episodes or a seed for which there are no draws of their own."""
-    if not 1 <= episodes <= SEED_BLOCK:
-        raise ConfigurationError(f"episodes must be >= 1 and <= {SEED_BLOCK}, got {episodes}.")
-    if seed < 0:
-        raise ConfigurationError(f"seed must be >= 0, got {seed}.")
+    check_range("episodes", episodes, low=1, high=SEED_BLOCK)
+    check_range("seed", seed, low=0)
 
 
 def first_seed(task: str, seed: int) -> int:

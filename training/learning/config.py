@@ -12,7 +12,13 @@ from typing import Any
 
 from cjt_gym.disk import read_toml
 from cjt_gym.envs.arguments import complete
-from cjt_gym.errors import ConfigurationError, MissingFileError, check_name, unknown_name
+from cjt_gym.errors import (
+    ConfigurationError,
+    MissingFileError,
+    check_name,
+    check_range,
+    unknown_name,
+)
 from cjt_gym.training.tuning.gains import Choice, choose_listed
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
@@ -44,18 +50,13 @@ class PolicyConfig:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "net_arch", tuple(self.net_arch))
-        if not self.net_arch or any(not _whole(n) or n < 1 for n in self.net_arch):
+        if not self.net_arch or any(type(n) is not int or n < 1 for n in self.net_arch):
             raise ConfigurationError(
                 f"net_arch of [policy] must list whole numbers >= 1, got {list(self.net_arch)}."
             )
         check_name("activation", self.activation, ACTIVATIONS)
         _at_least("lstm_hidden_size of [policy]", self.lstm_hidden_size, 1)
-        weight: Any = self.noise_weight
-        number = isinstance(weight, (int, float)) and not isinstance(weight, bool)
-        if not (number and math.isfinite(weight) and weight >= 0.0):
-            raise ConfigurationError(
-                f"noise_weight of [policy] must be finite and >= 0, got {weight!r}."
-            )
+        check_range("noise_weight of [policy]", self.noise_weight, low=0.0)
 
 
 @dataclass(frozen=True)
@@ -312,10 +313,5 @@ def _check_table(value: Any, name: str, origin: str) -> None:
         raise ConfigurationError(f"{name} of {origin} must be a table [{name}], got {value!r}.")
 
 
-def _whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
 def _at_least(name: str, value: Any, low: int) -> None:
-    if not _whole(value) or value < low:
-        raise ConfigurationError(f"{name} must be a whole number >= {low}, got {value!r}.")
+    check_range(name, value, low=low, whole=True)

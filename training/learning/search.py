@@ -25,7 +25,7 @@ import optuna
 from optuna.trial import FrozenTrial
 
 from cjt_gym.disk import to_toml, write_text
-from cjt_gym.errors import CjtGymError, ConfigurationError
+from cjt_gym.errors import CjtGymError, ConfigurationError, check_range
 from cjt_gym.training.evaluation.conditions import TASKS, realistic_conditions
 from cjt_gym.training.evaluation.evaluate import evaluate
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
@@ -102,11 +102,8 @@ def measured(agent: Agent, config: TrainConfig, episodes: int) -> tuple[float, f
 
 def search(plan: Plan) -> optuna.Study:
     """Run the trials that are missing, write `best.toml` if one is feasible; return the study."""
-    if plan.trials < 1 or plan.steps < 1 or plan.episodes < 1:
-        raise ConfigurationError(
-            f"--trials, --steps and --episodes must be >= 1, got {plan.trials}, {plan.steps} and "
-            f"{plan.episodes}."
-        )
+    for name in ("trials", "steps", "episodes"):
+        check_range(f"--{name}", getattr(plan, name), low=1)
     config = _prepared(plan)
     space = {place: _choices(config, place) for place in SPACE}
     plan.out.mkdir(parents=True, exist_ok=True)

@@ -23,7 +23,7 @@ from cjt_gym.analysis.figures import figures_of
 from cjt_gym.baselines import Controller
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import is_robust, noise_gain
-from cjt_gym.errors import ConfigurationError, SimulationError
+from cjt_gym.errors import SimulationError, check_range
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Law, SimulatedPlant, limits_of
 
@@ -65,15 +65,10 @@ class Limits:
 
     def __post_init__(self) -> None:
         lowest = {"gain_margin": 1.0, "sensitivity_peak": 1.0}
-        highest = {"phase_margin": 90.0}
         for known in fields(self):
-            value, low = getattr(self, known.name), lowest.get(known.name, 0.0)
-            high = highest.get(known.name, math.inf)
-            if not low <= value <= high:
-                above = f" and <= {high:g} deg" if known.name in highest else ""
-                raise ConfigurationError(
-                    f"{known.name} of the limits of tuning must be >= {low:g}{above}, got {value}."
-                )
+            what, low = f"{known.name} of the limits of tuning", lowest.get(known.name, 0.0)
+            high, unit = (90.0, "deg") if known.name == "phase_margin" else (math.inf, "")
+            check_range(what, getattr(self, known.name), unit, low=low, high=high, finite=False)
 
     def violation(self, found: Assessment) -> float:
         """Return by how much a loop breaks the limits, 0 where it keeps them all.

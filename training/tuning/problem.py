@@ -11,7 +11,7 @@ from cjt_gym.analysis import LinearPlant, probe_plant
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.baselines.table import CONTROLLERS, get_entry
 from cjt_gym.envs.core import Episodes
-from cjt_gym.errors import ConfigurationError, SimulationError
+from cjt_gym.errors import ConfigurationError, SimulationError, check_range
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
@@ -61,15 +61,10 @@ class Search(Asked):
                 f"Controller {self.controller} has no gains to tune. Choose another: "
                 f"{', '.join(name for name, row in CONTROLLERS.items() if row.searched)}."
             )
-        if (
-            self.budget < 1
-            or self.episodes < 1
-            or not 0 <= self.seed < (HELD_OUT_SEEDS - TUNING_SEEDS) // SEED_BLOCK
-        ):
-            raise ConfigurationError(
-                f"--budget and --episodes must be >= 1 and --seed 0 to 99, got {self.budget}, "
-                f"{self.episodes} and {self.seed}."
-            )
+        check_range("--budget", self.budget, low=1)
+        check_range("--episodes", self.episodes, low=1)
+        most = (HELD_OUT_SEEDS - TUNING_SEEDS) // SEED_BLOCK - 1
+        check_range("--seed", self.seed, low=0, high=most)
 
 
 @dataclass(frozen=True)

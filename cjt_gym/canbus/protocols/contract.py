@@ -23,25 +23,9 @@ from enum import Enum
 from math import inf
 from typing import Any, Final
 
-from can import Message
+from can import Message as Message
 
-from cjt_gym.errors import ConfigurationError
-
-__all__ = [
-    "CHANNELS",
-    "SLOW",
-    "Fault",
-    "Limits",
-    "Master",
-    "Message",
-    "Mode",
-    "Scaling",
-    "Settings",
-    "Step",
-    "Update",
-    "frame_of",
-    "is_plain",
-]
+from cjt_gym.errors import ConfigurationError, check_range
 
 CHANNELS: Final = {
     "q_m": ("rad", "angle of the motor"),
@@ -146,16 +130,12 @@ class Scaling:
     torque_constant: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.gear_ratio < inf:
-            raise ConfigurationError(f"gear_ratio must be > 0, got {self.gear_ratio}.")
+        check_range("gear_ratio", self.gear_ratio, above=0.0)
         if self.sign not in (1, -1):
             raise ConfigurationError(f"sign must be 1 or -1, got {self.sign}.")
-        if not -inf < self.offset < inf:
-            raise ConfigurationError(f"offset must be a finite angle [rad], got {self.offset}.")
-        if self.torque_constant is not None and not 0.0 < self.torque_constant < inf:
-            raise ConfigurationError(
-                f"torque_constant must be > 0 N m/A, got {self.torque_constant}."
-            )
+        check_range("offset", self.offset, "rad")
+        if self.torque_constant is not None:
+            check_range("torque_constant", self.torque_constant, "N m/A", above=0.0)
 
     def angle(self, of_drive: float) -> float:
         """Return the link-side angle [rad] of an angle of the drive's shaft [rad]."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, Final, Literal
 
 from cjt_gym.canbus.protocols.contract import Limits, Master, Scaling, Settings
 from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.protocols.layout import Field
-from cjt_gym.errors import ConfigurationError, unknown_name
-
-__all__ = ["DriveProtocol", "Option", "Register", "settings_of"]
+from cjt_gym.canbus.tables import Section
+from cjt_gym.errors import ConfigurationError, check_range, unknown_name
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,13 @@ class DriveProtocol:
     title: str
     side: Literal["motor", "output"]
     before: str
-    fd: bool
     nodes: tuple[int, int]
     master: Callable[[Settings], Master]
     firmware: Callable[[Settings], Firmware]
     registers: Callable[[], Sequence[Register]] = tuple
     options: Mapping[str, Option] = field(default_factory=dict)
     check: Callable[[Mapping[str, Any]], None] | None = None
+    fd: bool = False
     command_enables: bool = False
 
 
@@ -113,12 +113,7 @@ def settings_of(
     known = (*COMMON, *protocol.options)
     if wrong := [key for key in drive if key not in known]:
         raise unknown_name(f"key of {owner}", wrong[0], known)
-    node = drive.get("node", 1)
-    low, high = protocol.nodes
-    if not isinstance(node, int) or isinstance(node, bool) or not low <= node <= high:
-        raise ConfigurationError(
-            f"node of {owner} must be a whole number in [{low}, {high}], got {node!r}."
-        )
+    given = Section(drive, owner)
     options = {
         name: _option(f"{name} of {owner}", option, drive.get(name, option.default))
         for name, option in protocol.options.items()
@@ -126,24 +121,13 @@ def settings_of(
     if protocol.check is not None:
         protocol.check(options)
     scaling = Scaling(
-        gear_ratio=_number(owner, drive, "gear_ratio", n if protocol.side == "motor" else 1.0),
+        gear_ratio=given.number("gear_ratio", "", default=n if protocol.side == "motor" else 1.0),
         sign=drive.get("sign", 1),
-        offset=_number(owner, drive, "offset", 0.0),
-        torque_constant=(
-            _number(owner, drive, "torque_constant", 0.0) if "torque_constant" in drive else None
-        ),
+        offset=given.number("offset", "rad", low=-inf, default=0.0),
+        torque_constant=given.number("torque_constant", "N m/A", default=None),
     )
-    unwatched = drive.get("unwatched", False)
-    if not isinstance(unwatched, bool):
-        raise ConfigurationError(f"unwatched of {owner} must be true or false, got {unwatched!r}.")
+    node, unwatched = given.whole("node", *protocol.nodes, 1), given.flag("unwatched", False)
     return Settings(node, scaling, period, watchdog, options, limits or Limits(), unwatched)
-
-
-def _number(owner: str, table: Mapping[str, Any], name: str, default: float) -> float:
-    value = table.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ConfigurationError(f"{name} of {owner} must be a number, got {value!r}.")
-    return float(value)
 
 
 def _option(what: str, option: Option, value: Any) -> Any:
@@ -156,8 +140,7 @@ def _option(what: str, option: Option, value: Any) -> Any:
         raise ConfigurationError(f"{what} must be a {kind.__name__}, got {value!r}.")
     if option.choices and value not in option.choices:
         if isinstance(option.choices, range):
-            allowed = f"lie in [{option.choices[0]}, {option.choices[-1]}]"
-        else:
-            allowed = f"be one of {', '.join(map(str, option.choices))}"
-        raise ConfigurationError(f"{what} must {allowed}, got {value!r}.")
+            check_range(what, value, low=option.choices[0], high=option.choices[-1])
+        known = ", ".join(map(str, option.choices))
+        raise ConfigurationError(f"{what} must be one of {known}, got {value!r}.")
     return value

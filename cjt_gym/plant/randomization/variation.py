@@ -7,7 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unknown_name
+from cjt_gym.errors import (
+    ConfigurationError,
+    UnknownNameError,
+    check_name,
+    check_range,
+    unknown_name,
+)
 
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "choice")
 OPERATIONS = ("set", "scale", "add")
@@ -112,8 +118,7 @@ class Variation:
         if self.distribution == "normal":
             assert self.mean is not None
             assert self.std is not None
-            if self.std < 0.0:
-                raise ConfigurationError(f"std of a normal draw must be >= 0, got {self.std:g}.")
+            check_range("std of a normal draw", self.std, low=0.0)
             if self.low is None:
                 object.__setattr__(self, "low", self.mean - TAILS * self.std)
             if self.high is None:
@@ -124,8 +129,8 @@ class Variation:
             raise ConfigurationError(
                 f"A variation must have finite low <= high, got {self.low:g} and {self.high:g}."
             )
-        if self.distribution == "log_uniform" and self.low <= 0.0:
-            raise ConfigurationError(f"low of a log_uniform draw must be > 0, got {self.low:g}.")
+        if self.distribution == "log_uniform":
+            check_range("low of a log_uniform draw", self.low, above=0.0)
 
     def _check_time(self) -> None:
         for key, when in (("interval", "interval"), ("time_constant", "drift")):

@@ -198,7 +198,7 @@ def test_bad_settings_are_one_clear_error(name: str) -> None:
     drive = DRIVES[name]
     with pytest.raises(UnknownNameError, match="Did you mean 'node'"):
         settings_of(PROTOCOLS[name], {**drive, "nod": 1})
-    with pytest.raises(ConfigurationError, match="node of .* must be a whole number in"):
+    with pytest.raises(ConfigurationError, match="node of .* must be a whole number"):
         settings_of(PROTOCOLS[name], {**drive, "node": 2**40})
     with pytest.raises(ConfigurationError, match="gear_ratio"):
         settings_of(PROTOCOLS[name], {**drive, "gear_ratio": 0.0})
