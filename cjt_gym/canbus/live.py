@@ -17,7 +17,7 @@ from foxglove.messages import Log, LogLevel, Timestamp
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.safety import SafetyLimits
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.records.columns import JOINT_MARK
 from cjt_gym.records.tables.mcap_table import RECORD
 
@@ -42,8 +42,7 @@ class LiveView:
 
     def __init__(self, configs: Sequence[HardwareConfig], port: int) -> None:
         """Start the server."""
-        if not 0 <= port <= 65535:
-            raise ConfigurationError(f"The port of --live must be from 0 to 65535, got {port}.")
+        check_range("The port of --live", port, low=0, high=65535)
         self.context = foxglove.Context()
         try:
             self._server = foxglove.start_server(
@@ -141,14 +140,10 @@ def limits_of(limits: SafetyLimits) -> dict[str, dict[str, float]]:
         >>> limits_of(load_hardware("examples/hardware/joint.toml").limits)["tau_cmd"]
         {'low': -60.0, 'high': 60.0}
     """
-    both = {
-        "tau_cmd": limits.tau,
-        "dq_m": limits.dq_m,
-        "tau": limits.tau_joint,
-        "i": limits.current,
-    }
-    found = {name: {"low": -high, "high": high} for name, high in both.items()}
-    found["q_m"] = {"low": limits.q_low, "high": limits.q_high}
-    found["temperature"] = {"high": limits.temperature}
-    finite = {n: {k: v for k, v in ends.items() if math.isfinite(v)} for n, ends in found.items()}
-    return {name: ends for name, ends in finite.items() if ends}
+    ranges = {name: (low, high) for name, low, high, *_ in limits.ranges(("temperature",))}
+    del ranges["deflection"]  # which records do not have
+    found = {}
+    for name, ends in {"tau_cmd": (-limits.tau, limits.tau), **ranges}.items():
+        named = zip(("low", "high"), ends, strict=True)
+        found[name] = {key: end for key, end in named if math.isfinite(end)}
+    return {name: ends for name, ends in found.items() if ends}

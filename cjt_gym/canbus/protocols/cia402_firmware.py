@@ -29,7 +29,7 @@ from cjt_gym.canbus.protocols.contract import Fault, Mode, Settings, frame_of
 from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.protocols.outbox import Outbox
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import check_range
 
 # Log messages about damaged requests go to handlers, not to the terminal.
 logging.getLogger("canopen").addHandler(logging.NullHandler())
@@ -157,11 +157,10 @@ class Cia402Firmware(Firmware):
             case 0x6061, 0:
                 return self._operation
             case 0x6064, 0:
-                angle = scaling.drive_angle(channels.get("q_m", 0.0)) / tau
-                return _limited(angle * options["increments"], 32)
+                return _limited(self._shaft()[0] / tau * options["increments"], 32)
             case 0x606C, 0:
                 units = options["velocity_units"] or options["increments"]
-                return _limited(scaling.drive_rate(channels.get("dq_m", 0.0)) / tau * units, 32)
+                return _limited(self._shaft()[1] / tau * units, 32)
             case 0x6075, 0 if stored is None:
                 return int(1e3 * options["rated_current"] + 0.5)
             case 0x6076, 0 if stored is None:
@@ -280,9 +279,8 @@ def _limited(value: float, bits: int) -> int:
 
 
 def _check(options: Mapping[str, Any]) -> None:
-    for name, unit in (("increments", ""), ("rated_torque", " N m"), ("rated_current", " A")):
-        if not options[name] > 0:
-            raise ConfigurationError(f"{name} must be > 0{unit}, got {options[name]}.")
+    for name, unit in (("increments", ""), ("rated_torque", "N m"), ("rated_current", "A")):
+        check_range(name, options[name], unit, above=0.0)
 
 
 def _registers() -> Sequence[Register]:
@@ -307,7 +305,6 @@ CIA402: Final = DriveProtocol(
         "objects 0x608F, 0x6075 and 0x6076 and must agree. PDOs, heartbeats and the mode of "
         "operation are set over the bus; nothing is saved in the drive."
     ),
-    fd=False,
     nodes=(1, 126),
     options={
         "increments": Option(65536, "increments of the encoder per revolution of the motor"),

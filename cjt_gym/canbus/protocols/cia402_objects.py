@@ -124,14 +124,6 @@ OBJECTS: Final = {
     )
 }
 """The objects that are used here, by index and subindex."""
-TYPES: Final = {
-    ("uint", 8): datatypes.UNSIGNED8,
-    ("uint", 16): datatypes.UNSIGNED16,
-    ("uint", 32): datatypes.UNSIGNED32,
-    ("int", 8): datatypes.INTEGER8,
-    ("int", 16): datatypes.INTEGER16,
-    ("int", 32): datatypes.INTEGER32,
-}
 
 
 class State:
@@ -173,7 +165,8 @@ def object_dictionary(node: int) -> Any:
 
 def _variable(row: CanObject, node: int) -> ODVariable:
     variable = ODVariable(row.name, row.index, row.sub)
-    variable.data_type = TYPES[row.field.kind, row.field.bits]
+    kind = "INTEGER" if row.field.kind == "int" else "UNSIGNED"
+    variable.data_type = getattr(datatypes, f"{kind}{row.field.bits}")
     variable.access_type = row.access
     variable.default = row.default
     if row.default is not None and row.name.endswith("identifier"):

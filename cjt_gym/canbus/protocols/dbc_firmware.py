@@ -110,7 +110,6 @@ DBC: Final = DriveProtocol(
         "stop arriving. It has to show this in `state` or `error`; otherwise it can only be armed "
         "with `unwatched = true`, and somebody should be at the emergency switch."
     ),
-    fd=False,
     nodes=(0, 0x1FFFFFFF),
     options={
         "file": Option(

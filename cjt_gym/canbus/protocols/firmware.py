@@ -99,6 +99,12 @@ class Firmware(ABC):
         if self.mode is Mode.FAULT:
             self.mode, self.fault = Mode.DISABLED, None
 
+    def _shaft(self) -> tuple[float, float]:
+        """Return angle [rad] and velocity [rad/s] of the drive's shaft."""
+        scaling, channels = self.settings.scaling, self._channels
+        angle = scaling.drive_angle(channels.get("q_m", 0.0))
+        return angle, scaling.drive_rate(channels.get("dq_m", 0.0))
+
     def _feed(self, now: float) -> None:
         """Feed the watchdog."""
         self._heard = now

@@ -78,11 +78,8 @@ class MitFirmware(Firmware):
         return [self._reply()]
 
     def _seen(self) -> tuple[float, float]:
-        scaling, channels = self.settings.scaling, self._channels
-        return (
-            scaling.drive_angle(channels.get("q_m", 0.0)) - self._zero,
-            scaling.drive_rate(channels.get("dq_m", 0.0)),
-        )
+        angle, rate = self._shaft()
+        return angle - self._zero, rate
 
     def _act(self) -> None:
         if told := self._told:
@@ -144,7 +141,6 @@ MIT: Final = DriveProtocol(
         "velocities at the ends of their ranges count as unknown; choose the zero so that the "
         "joint stays between them."
     ),
-    fd=False,
     nodes=(1, 255),
     options={
         "model": Option("AK80-9", "the drive's model, which sets the ranges", tuple(MODELS)),

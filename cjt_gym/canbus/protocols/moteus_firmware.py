@@ -148,9 +148,9 @@ class MoteusFirmware(Firmware):
             case 0x000:
                 return self._shown_mode()
             case 0x001 | 0x006:
-                return scaling.drive_angle(channels.get("q_m", 0.0)) / tau
+                return self._shaft()[0] / tau
             case 0x002:
-                return scaling.drive_rate(channels.get("dq_m", 0.0)) / tau
+                return self._shaft()[1] / tau
             case 0x003:
                 return scaling.drive_torque(channels.get("tau_m", self.torque))
             case 0x004:

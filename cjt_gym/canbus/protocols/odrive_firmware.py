@@ -155,9 +155,8 @@ class OdriveFirmware(Firmware):
             case "Get_Error":
                 return self._frame(name, Active_Errors=code, Disarm_Reason=code)
             case "Get_Encoder_Estimates":
-                angle = scaling.drive_angle(channels.get("q_m", 0.0)) / tau
-                rate = scaling.drive_rate(channels.get("dq_m", 0.0)) / tau
-                return self._frame(name, Pos_Estimate=angle, Vel_Estimate=rate)
+                angle, rate = self._shaft()
+                return self._frame(name, Pos_Estimate=angle / tau, Vel_Estimate=rate / tau)
             case "Get_Iq":
                 current = scaling.sign * channels.get("i", 0.0)
                 return self._frame(name, Iq_Setpoint=current, Iq_Measured=current)
@@ -210,7 +209,6 @@ ODRIVE: Final = DriveProtocol(
         "to 100 ms. Angles and torques refer to the motor's shaft; the torque constant is the one "
         "that is set in the drive."
     ),
-    fd=False,
     nodes=(0, 62),
     options={
         "firmware": Option("0.6", "of the drive", ("0.6", "0.5")),

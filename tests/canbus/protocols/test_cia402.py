@@ -206,5 +206,5 @@ def test_no_torque_in_another_mode_of_operation() -> None:
 
 
 def test_ratings_must_be_positive() -> None:
-    with pytest.raises(ConfigurationError, match="rated_torque must be > 0 N m, got 0.0"):
+    with pytest.raises(ConfigurationError, match="rated_torque must be finite and > 0 N m"):
         settings_for("cia402", rated_torque=0.0)
