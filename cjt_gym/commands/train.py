@@ -88,9 +88,8 @@ def run(options: argparse.Namespace) -> None:
     check_name("backend", options.backend, BACKENDS)
     if options.seeds is None and options.backend != "loky":
         raise ConfigurationError(f"--backend {options.backend} needs --seeds.")
-    from cjt_gym.training.learning.distributed import train_on_ray  # torch takes seconds to import
-    from cjt_gym.training.learning.seeds import train_seeds
-    from cjt_gym.training.learning.train import train
+    from cjt_gym.training.learning.distributed import train_on_ray, train_seeds
+    from cjt_gym.training.learning.train import train  # torch takes seconds to import
 
     if options.seeds is None:
         _tell(train(config, options.out, quiet=options.quiet), options.json)

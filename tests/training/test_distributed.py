@@ -16,8 +16,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.benchmark.cluster import join_ray
 from cjt_gym.training.learning.config import TrainConfig, from_dict
-from cjt_gym.training.learning.distributed import train_on_ray
-from cjt_gym.training.learning.seeds import STRIDE
+from cjt_gym.training.learning.distributed import STRIDE, train_on_ray
 
 CONFIG: dict[str, Any] = {
     "total_steps": 24_000,

@@ -21,9 +21,9 @@ from cjt_gym.training.evaluation.rollout import run_episodes
 from cjt_gym.training.learning.algorithms import make_environment, make_model
 from cjt_gym.training.learning.callbacks import load_replay, restore, save_replay
 from cjt_gym.training.learning.config import PolicyConfig, TrainConfig
+from cjt_gym.training.learning.distributed import train_seeds
 from cjt_gym.training.learning.policy import load_policy
 from cjt_gym.training.learning.run_folder import RunFolder, TrainingError, open_run
-from cjt_gym.training.learning.seeds import train_seeds
 from cjt_gym.training.learning.train import train
 
 

@@ -1,17 +1,50 @@
-"""Trainings as tasks of a Ray cluster: one run folder per seed, and a lost worker is replaced."""
+"""The same training from several seeds: side by side here, or as tasks of a Ray cluster.
+
+Each has its run folder; a worker of the cluster that is lost is replaced.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.training.benchmark.cluster import join_ray
 from cjt_gym.training.learning.config import TrainConfig
 from cjt_gym.training.learning.run_folder import RunFolder
-from cjt_gym.training.learning.seeds import runs_of
+from cjt_gym.training.learning.train import train
 
 RETRIES = 3  # a machine may go; a training that takes each along must end
+STRIDE = 1000
+"""Between the seeds of two trainings, so that their environments share none."""
+
+
+def train_seeds(config: TrainConfig, out: str | Path, seeds: int, jobs: int) -> Iterator[RunFolder]:
+    """Train from several seeds, `jobs` at a time, and yield the runs, each as it ends.
+
+    Run k is in the folder OUT_k and has k * `STRIDE` more as seed than the configuration, which may
+    have up to `STRIDE` environments. What was interrupted is resumed, what is finished stays.
+    """
+    check_range("--jobs", jobs, low=1)
+    tasks = runs_of(config, out, seeds)
+    with ProcessPoolExecutor(min(jobs, seeds), mp_context=get_context("spawn")) as pool:
+        futures = [pool.submit(train, *task, quiet=True) for task in tasks]
+        for future in as_completed(futures):
+            yield future.result()
+
+
+def runs_of(config: TrainConfig, out: str | Path, seeds: int) -> list[tuple[TrainConfig, Path]]:
+    """Return configuration and run folder of each training from several seeds."""
+    check_range("--seeds", seeds, low=1)
+    check_range("num_envs of trainings from several seeds", config.num_envs, low=1, high=STRIDE)
+    path = Path(out)
+    return [
+        (config.with_changes(seed=config.seed + STRIDE * k), path.with_name(f"{path.name}_{k}"))
+        for k in range(seeds)
+    ]
 
 
 def train_on_ray(
@@ -39,13 +72,12 @@ def train_on_ray(
             something else.
     """
     runs = runs_of(config, Path(out).resolve(), seeds)  # workers are elsewhere
-    if workers is not None and workers < 1:
-        raise ConfigurationError(f"workers must be >= 1, got {workers}.")
+    if workers is not None:
+        check_range("workers", workers, low=1)
     try:
         ray = join_ray(workers)
     except ModuleNotFoundError:
         raise ConfigurationError('This needs Ray: pip install "cjt-gym[ray,train]".') from None
-    from cjt_gym.training.learning.train import train
 
     def run(changed: TrainConfig, path: str) -> None:
         train(changed, path, quiet=True)
