@@ -55,7 +55,7 @@ class PolicyConfig:
                 f"net_arch of [policy] must list whole numbers >= 1, got {list(self.net_arch)}."
             )
         check_name("activation", self.activation, ACTIVATIONS)
-        _at_least("lstm_hidden_size of [policy]", self.lstm_hidden_size, 1)
+        check_range("lstm_hidden_size of [policy]", self.lstm_hidden_size, low=1, whole=True)
         check_range("noise_weight of [policy]", self.noise_weight, low=0.0)
 
 
@@ -75,9 +75,9 @@ class EvaluationConfig:
     patience: int = 0
 
     def __post_init__(self) -> None:
-        _at_least("every of [evaluation]", self.every, 1)
-        _at_least("episodes of [evaluation]", self.episodes, 1)
-        _at_least("patience of [evaluation]", self.patience, 0)
+        check_range("every of [evaluation]", self.every, low=1, whole=True)
+        check_range("episodes of [evaluation]", self.episodes, low=1, whole=True)
+        check_range("patience of [evaluation]", self.patience, low=0, whole=True)
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class DatasheetsConfig:
     noise: tuple[float, float] = (0.003, 0.03)
 
     def __post_init__(self) -> None:
-        _at_least("count of [datasheets]", self.count, 0)
+        check_range("count of [datasheets]", self.count, low=0, whole=True)
         for name, least in (("frequency", 1.0), ("friction", 0.0), ("noise", 1e-6)):
             pair: Any = getattr(self, name)
             good = isinstance(pair, (list, tuple)) and len(pair) == 2
@@ -156,8 +156,8 @@ class TrainConfig:
     def __post_init__(self) -> None:
         check_name("algorithm", self.algorithm, ALGORITHMS)
         for name in ("total_steps", "num_envs", "threads", "checkpoint_every"):
-            _at_least(name, getattr(self, name), 1)
-        _at_least("seed", self.seed, 0)
+            check_range(name, getattr(self, name), low=1, whole=True)
+        check_range("seed", self.seed, low=0, whole=True)
         if self.seed + self.num_envs > VALIDATION_SEEDS:
             raise ConfigurationError(
                 f"seed must be below {VALIDATION_SEEDS} - num_envs, so that evaluations see other "
@@ -311,7 +311,3 @@ def _check_keys(values: Mapping[str, Any], section: type, origin: str) -> None:
 def _check_table(value: Any, name: str, origin: str) -> None:
     if not isinstance(value, Mapping):
         raise ConfigurationError(f"{name} of {origin} must be a table [{name}], got {value!r}.")
-
-
-def _at_least(name: str, value: Any, low: int) -> None:
-    check_range(name, value, low=low, whole=True)
