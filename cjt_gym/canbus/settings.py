@@ -184,15 +184,15 @@ def _span(limits: Section) -> tuple[float, float]:
     given = Section(limits.table["q_m"], f"q_m of {limits.owner}", ("low", "high", "unit"))
     if given.text("unit") != "rad":
         raise ConfigurationError(f"{given.owner} must be in rad, got {given.table['unit']!r}.")
-    low = given.number("low", "rad", low=-math.inf)
-    return low, given.number("high", "rad", low=low)
+    low = given.number("low", "rad", above=-math.inf)
+    return low, given.number("high", "rad", above=low)
 
 
 def read_emulator(table: object, owner: str) -> EmulatorSettings:
     """Return the table [emulator]."""
     given = Section(table, owner, EMULATOR)
     share = {
-        key: given.number(key, "(share)", low=-1e-300, high=0.95, default=0.0)
+        key: given.number(key, "(share)", -math.inf, 0.95, default=0.0, low=0.0)
         for key in ("loss", "load")
     }
     times = {

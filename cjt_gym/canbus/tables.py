@@ -76,15 +76,16 @@ class Section:
         self,
         key: str,
         unit: str,
-        low: float = 0.0,
+        above: float = 0.0,
         high: float = math.inf,
         default: Any = REQUIRED,
+        low: float = -math.inf,
     ) -> Any:
-        """Return a plain number above `low`, up to `high` [unit]."""
+        """Return a plain number more than `above`, from `low` to `high` [unit]."""
         value = self._given(key, "...", default)
         if value is default:
             return default
-        check_range(f"{key} of {self.owner}", value, unit, above=low, high=high)
+        check_range(f"{key} of {self.owner}", value, unit, above=above, low=low, high=high)
         return float(value)
 
     def quantity(

@@ -64,6 +64,7 @@ def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
         ({"joint": {"structure": "rigid"}}, "joint torque .* cannot be known"),
         ({"joint": {"effects": "coulomb"}}, "list of names or a table"),
         ({"emulator": {"loss": 1.5}}, "loss"),
+        ({"emulator": {"load": -0.1}}, "load .* must be >= 0 and <= 0.95"),
         ({"emulators": {}}, "Did you mean 'emulator'"),
     ],
 )

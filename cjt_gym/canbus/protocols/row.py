@@ -123,7 +123,7 @@ def settings_of(
     scaling = Scaling(
         gear_ratio=given.number("gear_ratio", "", default=n if protocol.side == "motor" else 1.0),
         sign=drive.get("sign", 1),
-        offset=given.number("offset", "rad", low=-inf, default=0.0),
+        offset=given.number("offset", "rad", above=-inf, default=0.0),
         torque_constant=given.number("torque_constant", "N m/A", default=None),
     )
     node, unwatched = given.whole("node", *protocol.nodes, 1), given.flag("unwatched", False)
