@@ -159,7 +159,7 @@ def _may_be_as_stated(judged: Judgement, index: int, term: Term, effect: NamedEf
     """Return whether the interval of a datasheet value includes what the datasheet states."""
     assert judged.found is not None
     symbol = term.numbers[0].symbol
-    if not (term.numbers[0].prior or term.tight) or symbol not in effect.parameters:
+    if not term.nominal[0] or symbol not in effect.parameters:
         return False
     one, fit = effect.parameters[symbol], judged.found.fit
     stated = one.value * term.nominal[0] / fit.model.values(fit.z)[index][0]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
@@ -193,9 +195,18 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
             known and (term.numbers[0].prior or _guessed(judged.case.joint, term))
         ):
             continue
-        if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
+        within = term.name == "current_lag" and _within_a_row(judged, value, nominal)
+        if not within and abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
     return f"{NAMELESS} {', '.join(said)}." if said else ""
+
+
+def _within_a_row(judged: Judgement, value: float, nominal: float) -> bool:
+    """Return whether two bandwidths [Hz] differ by less than the instants of a row may."""
+    if min(value, nominal) <= 0.0:
+        return False
+    apart = abs(1.0 / value - 1.0 / nominal) / (2.0 * np.pi)
+    return apart < 0.5 * judged.case.logs[0].dt
 
 
 def _guessed(joint: Joint, term: Term) -> bool:
