@@ -41,7 +41,7 @@ ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 """Effects that motion in one direction does not tell from Coulomb friction."""
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
-"""Laws that differ between the directions, and what they are where the record shows no difference."""
+"""Laws that differ between the directions, and what they are if the record shows no difference."""
 UNSOUND = {
     ONE_INSTANT: "channels of one row belong to different instants",
     SLOPES: "a velocity contradicts its angle, or the clock is wrong",

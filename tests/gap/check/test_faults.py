@@ -176,7 +176,7 @@ def stale(table: Table) -> Table:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (half_velocity, "dq_m is 0.5 times the slope of q_m: its unit or scale is wrong, or the times"),
+        (half_velocity, "dq_m is 0.5 times the slope of q_m: its unit or scale is wrong, or"),
         (in_degrees, "near 180/pi"),
         (coarse_degrees, "q_m has steps 57.3 times the resolution that the joint file states, as"),
         (velocity_beside_degrees, "q_m: its slope is 57.3 times dq_m, as if in deg."),
