@@ -162,8 +162,9 @@ def _may_be_as_stated(judged: Judgement, index: int, term: Term, effect: NamedEf
     if not term.nominal[0] or symbol not in effect.parameters:
         return False
     one, fit = effect.parameters[symbol], judged.found.fit
-    stated = one.value * term.nominal[0] / fit.model.values(fit.z)[index][0]
-    return one.low <= stated <= one.high
+    fitted = fit.model.values(fit.z)[index][0]
+    scale = one.value / fitted if fitted else 1.0  # an inertia is fitted as a factor
+    return one.low <= scale * term.nominal[0] <= one.high
 
 
 def _weighs(judged: Judgement, values: Sequence[float]) -> bool:

@@ -22,7 +22,7 @@ from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.judge import Judgement, Row, _loses
 from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.named import _deserves
+from cjt_gym.gap.horizons.named import _deserves, _may_be_as_stated
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
@@ -208,6 +208,32 @@ def test_dry_friction_is_not_confirmed_where_viscous_friction_cannot_be_told(
     doubted = {e.name for e in allowed_by(sure, {"damping": "one speed"}).effects if e.doubt}
     assert dry <= doubted
     assert all(e.status == "confirmed" for e in allowed_by(sure, {"stribeck": ""}).effects)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "low", "high", "same"),
+    [
+        (0.0, 0.0, 0.3, True),
+        (0.0, 0.0, 0.05, False),
+        (0.2, 0.15, 0.25, False),
+        (0.2, 0.05, 1, True),
+    ],
+)
+def test_a_damping_that_may_be_as_stated_is_no_cause(
+    case: Case, fitted: float, low: float, high: float, same: bool
+) -> None:
+    damping = next(
+        t for t in base_terms(case.joint, scales_of(case.joint, case.logs)) if t.name == "damping"
+    )
+    stated = replace(damping, nominal=(0.1,))
+    number = {"d_m": Interval(fitted, low, high, "N m s/rad")}
+    effect = NamedEffect(
+        "damping", "motor", "motor", None, number, "confirmed", 0.9, 0.2, (), 1.0
+    )  # fmt: skip
+    model = SimpleNamespace(values=lambda z: [(fitted,)])
+    judged: Any = SimpleNamespace(found=SimpleNamespace(fit=SimpleNamespace(model=model, z=None)))
+    assert _may_be_as_stated(judged, 0, stated, effect) == same
+    assert not _may_be_as_stated(judged, 0, replace(stated, nominal=(0.0,)), effect)
 
 
 @pytest.mark.parametrize(("back", "status"), [(6.5, "tentative"), (9.0, "confirmed")])
