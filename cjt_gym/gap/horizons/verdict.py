@@ -43,6 +43,8 @@ REGRESSED = (
     ("offset", "torque_offset", "torque"),
 )
 """Name of the answer that is a regression, and its values: words, effect and symbol."""
+QUIET = 0.05
+"""Relative error up to which nothing need be said of what is left."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
 
 
@@ -137,19 +139,16 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
     if row is None or row.left is None:
         main = worst_row(judged)
         if verdict in ("explained", "no_gap"):
-            return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
+            known = main.left is not None or main.found < QUIET or main.seconds == WHOLE
+            text = NOTHING_LEFT if known else _not_told(main)
+            return Unexplained(0.0, None, f"{said} {text}".strip(), 0.0)
         share = min(main.found, 1.0) ** 2
-        rest = (
-            ", although a held output does not drift"
-            if main.seconds == WHOLE
-            else "; this record does not tell how much of it could be"
-            if is_unknown(main)
-            else ", and no regression predicts it either"
-        )
-        text = (
-            f"Of what {main.channel} does within {_ahead(main)}, {main.found:.0%} is not "
-            f"predicted{rest}."
-        )
+        if is_unknown(main):
+            text = _not_told(main)
+        else:
+            slack = "although a held output does not drift"
+            rest = slack if main.seconds == WHOLE else "and no regression predicts it either"
+            text = f"{_not_predicted(main)}, {rest}."
         return Unexplained(share, STAGES[main.channel], f"{said} {text}".strip(), 0.0)
     predictable = min(row.found, 1.0) ** 2 * row.left.share
     share = row.left.share
@@ -158,6 +157,15 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
         "from speed, angle, input and the past, but no effect of the table explains it."
     )
     return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
+
+
+def _not_predicted(row: Row) -> str:
+    """Return the beginning of a sentence on the error of a row."""
+    return f"Of what {row.channel} does within {_ahead(row)}, {row.found:.0%} is not predicted"
+
+
+def _not_told(row: Row) -> str:
+    return f"{_not_predicted(row)}; this record does not tell how much of it could be."
 
 
 def corrected(judged: Judgement) -> str:

@@ -9,6 +9,7 @@ from html import escape
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, StageGap
 from cjt_gym.gap.report.horizons import horizon_table
 from cjt_gym.gap.report.words import (
+    SPACE,
     VERDICTS,
     interval,
     joined,
@@ -23,7 +24,7 @@ MOST_EFFECTS = 5
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Return a diagnosis as plain text of at most 45 lines."""
+    """Return a diagnosis as plain text of at most 60 lines."""
     gap, explained = diagnosis.gap, bool(diagnosis.effects)
     refined = explained or gap.after != gap.before
     title = VERDICTS[diagnosis.verdict].upper()
@@ -39,7 +40,7 @@ def summary(diagnosis: Diagnosis) -> str:
             lines.append(_stage(name, stage, explained))
     if explained:
         lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'evidence':>9}  parameters"]
-        lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
+        lines += [line for e in diagnosis.effects[:MOST_EFFECTS] for line in _row(e)]
         lines += _doubts(diagnosis.effects[:MOST_EFFECTS])
     if (ahead := horizon_table(diagnosis)) is not None:
         lines += ["", *ahead.text(WIDTH).splitlines(), ""]
@@ -64,12 +65,15 @@ def _stage(name: str, stage: StageGap, explained: bool) -> str:
     return f"{name:<14}{number(stage.before):>10}{after}{mark}"
 
 
-def _row(effect: NamedEffect) -> str:
+def _row(effect: NamedEffect) -> list[str]:
+    """Return an effect as lines, with as many of its numbers as three lines hold."""
     name = effect.name if effect.channel is None else f"{effect.name} ({effect.channel})"
-    numbers = ", ".join(f"{k} = {interval(p)}" for k, p in effect.parameters.items())
+    numbers = (f"{k} = {interval(p)}".replace(" ", SPACE) for k, p in effect.parameters.items())
     head = f"{name:<20}{effect.status:<11}{effect.confidence:>10.2f}"
     head += f"{percent(effect.gap_removed):>9}  "
-    return head + textwrap.shorten(numbers, max(WIDTH - len(head), 20), placeholder=" …")
+    width = max(WIDTH - len(head), 20)
+    first, *more = textwrap.wrap(", ".join(numbers), width, max_lines=3, placeholder=" …")
+    return [head + first, *(" " * len(head) + line for line in more)]
 
 
 def _doubts(effects: Sequence[NamedEffect]) -> list[str]:
