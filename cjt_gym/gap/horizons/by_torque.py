@@ -25,8 +25,14 @@ HELD = (
     "has what predicts the motion best."
 )
 """Message used when effects are identified from the torque alone."""
-SYMBOLS = {"damping": "d_m", "coulomb": "d_cm", "torque_offset": "torque"}
-BODIES = {"damping": "motor", "coulomb": "motor", "gravity": "load"}
+SYMBOLS = {
+    "damping": ("d_m",),
+    "coulomb": ("d_cm",),
+    "presliding": ("d_cm", "sigma_m"),
+    "torque_offset": ("torque",),
+    "cogging": ("f", "a", "b"),
+}
+BODIES = {"damping": "motor", "coulomb": "motor", "presliding": "motor", "gravity": "load"}
 """Symbols and bodies of the effects that a torque regression can show."""
 EITHER: Mapping[str, tuple[str, ...]] = {
     "coulomb_asym": ("coulomb", "torque_offset"),
@@ -42,12 +48,13 @@ DRY = frozenset(
 SAME: Mapping[str, frozenset[str]] = {
     "damping": frozenset({"viscous_asym"}),
     "coulomb": DRY,
+    "presliding": DRY,
     "torque_offset": frozenset({"coulomb_asym", "viscous_asym", "gravity"}),
     "gravity": frozenset({"torque_offset"}),
     "cogging": frozenset(),
 }
 """For each effect that the torque shows, effects that already account for it or its remainder."""
-FRICTION = frozenset({"damping", "coulomb"})
+FRICTION = frozenset({"damping", "coulomb", "presliding"})
 """Laws that only oppose the motion. Where one of them is negative something else moves the joint,
 as the other joints of an arm do, and the other is not friction either."""
 AGREES = 0.5
@@ -112,7 +119,7 @@ def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:
         size, half = max(math.hypot(a, b), 1e-12), times * max(one.deviations)
         numbers = {"torque": (size, half), "angle": (-math.atan2(a, b), half / size)}
     else:
-        symbols = ("f", "a", "b") if one.name == "cogging" else (SYMBOLS[one.name],)
+        symbols = SYMBOLS[one.name]
         pairs = zip(one.values, one.deviations, strict=True)
         numbers = {s: (x, times * d) for s, (x, d) in zip(symbols, pairs, strict=True)}
     return {s: _interval(one.name, s, x, half, joint) for s, (x, half) in numbers.items()}

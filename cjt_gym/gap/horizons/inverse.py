@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 from scipy.signal import savgol_filter
 
+from cjt_gym.gap.horizons.bristles import FEWEST as FEWEST_WAYS
+from cjt_gym.gap.horizons.bristles import bent, paths, ways
 from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
 from cjt_gym.gap.horizons.model import body_group
 from cjt_gym.gap.horizons.over_angle import over_angle
@@ -46,6 +48,9 @@ PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4
 DRAG, HALF = "damping", 0.5
 """Effect that may be too small to be detected but whose torque others absorb if it is left out,
 and the share of another effect that must remain once it is included."""
+BENT = 0.3
+"""Least share of the error that friction over a path must remove from a regression that has the
+sign of the speed in its place."""
 SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
 """Effects of each start."""
 
@@ -79,7 +84,11 @@ def inverse(joint: Joint, logs: Sequence[Log]) -> list[Inverse]:
 
 
 def spent(
-    joint: Joint, logs: Sequence[Log], names: Sequence[str], wave: Spent | None = None
+    joint: Joint,
+    logs: Sequence[Log],
+    names: Sequence[str],
+    wave: Spent | None = None,
+    path: float = 0.0,
 ) -> list[Spent]:
     """Return the effects on which torque is clearly spent, cross-validated over stretches.
 
@@ -88,8 +97,9 @@ def spent(
         logs: The records.
         names: Candidate effects from `PLACES`.
         wave: Cogging that is known and taken out first.
+        path: Path over which dry friction turns round.
     """
-    columns, torque = _moving(joint, logs, wave)
+    columns, torque = _moving(joint, logs, wave, path)
     if len(torque) < BLOCKS * SHORTEST:
         return []
     asked, names = names, list(names)
@@ -127,9 +137,34 @@ def seen_in_torque(
     turns = joint.parameters.axis == "rotary"
     names = [n for n in PLACES if n not in joint.effects and (turns or n != "gravity")]
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
-    found = [one for one in spent(joint, logs, names, wave) if one.name not in excluded]
+    path = 0.0 if {"presliding"} & {*excluded, *joint.effects} else _path(joint, logs, wave)
+    found = [one for one in spent(joint, logs, names, wave, path) if one.name not in excluded]
+    found = [_as_bristles(one, path) if path and one.name == "coulomb" else one for one in found]
     seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
     return seen if wave is None else seen | {wave.name: wave}
+
+
+def _path(joint: Joint, logs: Sequence[Log], wave: Spent | None) -> float:
+    """Return the path over which dry friction turns round; 0 where that explains little more."""
+    columns, torque = _moving(joint, logs, wave)
+    if len(torque) < BLOCKS * SHORTEST:
+        return 0.0
+    plain = predicted(columns, torque)[0]
+    travel = max(float(np.ptp(log.measured["q_m"])) for log in logs if "q_m" in log.measured)
+    tried = {x: predicted(*_moving(joint, logs, wave, x))[0] for x in paths(travel)}
+    best = min(tried, key=lambda x: tried[x].sum())
+    if sum(ways(log.states[:, 0], best) for log in logs) < FEWEST_WAYS:
+        return 0.0
+    share, clear = gain(tried[best], plain)
+    clearly = max(clear, steady_gain(tried[best], plain)) >= CLEAR
+    return float(best) if share >= BENT and clearly else 0.0
+
+
+def _as_bristles(dry: Spent, path: float) -> Spent:
+    """Return dry friction over a path as presliding: its level, and the bristles' stiffness."""
+    level, deviation = dry.values[0], dry.deviations[0]
+    values, deviations = (level, level / path), (deviation, deviation / path)
+    return Spent("presliding", values, deviations, dry.share)
 
 
 def feels_weight(joint: Joint, logs: Sequence[Log]) -> bool:
@@ -168,18 +203,22 @@ def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[F
     return predicted(columns[:, [0, *(k for n in names for k in PLACES[n])]], torque)
 
 
-def _moving(joint: Joint, logs: Sequence[Log], wave: Spent | None = None) -> tuple[Floats, Floats]:
+def _moving(
+    joint: Joint, logs: Sequence[Log], wave: Spent | None = None, path: float = 0.0
+) -> tuple[Floats, Floats]:
     """Return regressors and torque over all records; empty if a required channel is missing."""
     sprung = joint.structure_row.has_spring
     usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
     if not usable or any(log.voltage for log in usable):
         return np.zeros((0, 6)), np.zeros(0)
-    parts = [_columns(joint, log, sprung, wave) for log in usable]
+    parts = [_columns(joint, log, sprung, wave, path) for log in usable]
     columns, torque = zip(*parts, strict=True)
     return np.concatenate(columns), np.concatenate(torque)
 
 
-def _columns(joint: Joint, log: Log, sprung: bool, wave: Spent | None) -> tuple[Floats, Floats]:
+def _columns(
+    joint: Joint, log: Log, sprung: bool, wave: Spent | None, path: float
+) -> tuple[Floats, Floats]:
     """Return the regressors where the joint moves, shape (M, 6), and the motor's torque, (M,)."""
     p = joint.parameters
     count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
@@ -195,5 +234,6 @@ def _columns(joint: Joint, log: Log, sprung: bool, wave: Spent | None) -> tuple[
     usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
     whole = binary_erosion(log.whole, iterations=count // 2, border_value=1)
     use = whole & (np.abs(v) > usual)
-    columns = np.stack([a, v, np.sign(v), -np.ones_like(v), np.cos(q), np.sin(q)], axis=1)
+    dry = bent(q, path) if path else np.sign(v)
+    columns = np.stack([a, v, dry, -np.ones_like(v), np.cos(q), np.sin(q)], axis=1)
     return columns[use], savgol_filter(torque, count, 2)[use]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,12 +49,15 @@ def predicted(columns: Floats, torque: Floats) -> tuple[Floats, Floats]:
         columns: Regressors, shape (M, K).
         torque: What they explain, shape (M,).
     """
-    block = np.arange(len(torque)) * BLOCKS // len(torque)
+    edges = -(-np.arange(BLOCKS + 1) * len(torque) // BLOCKS)
+    blocks = [slice(*pair) for pair in pairwise(edges)]
+    reduced = [np.linalg.qr(np.column_stack([columns[b], torque[b]]), "r") for b in blocks]
+    alike = float(np.finfo(np.float64).eps) * len(torque)  # as of all rows at once
     errors, fits = [], []
-    for k in range(BLOCKS):
-        other = block != k
-        fit = np.linalg.lstsq(columns[other], torque[other], rcond=None)[0]
-        errors.append(np.mean((torque[~other] - columns[~other] @ fit) ** 2))
+    for k, block in enumerate(blocks):
+        other = np.concatenate([r for m, r in enumerate(reduced) if m != k])
+        fit = np.linalg.lstsq(other[:, :-1], other[:, -1], rcond=alike)[0]
+        errors.append(np.mean((torque[block] - columns[block] @ fit) ** 2))
         fits.append(fit)
     return np.array(errors), np.array(fits)
 

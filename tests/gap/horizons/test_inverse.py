@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.bristles import bent, ways
 from cjt_gym.gap.horizons.by_torque import told_by_torque
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.inverse import feels_weight, inverse, seen_in_torque, spent
@@ -291,3 +292,39 @@ def test_a_weight_at_small_travel_may_be_a_spring() -> None:
     assert pull.status == "tentative"
     assert "contact" in pull.confusable_with
     assert "half a revolution" in found.suggestion.text
+
+
+def test_bristles_turn_round_over_their_path() -> None:
+    there = np.linspace(0.0, 1.0, 1001)
+    q = np.concatenate([there, 1.0 - there])
+    s = bent(q, 0.1)
+    assert s[1000] == pytest.approx(1.0 - np.exp(-10.0))
+    assert s[1000 + 100] == pytest.approx(-1.0 + (1.0 + s[1000]) * np.exp(-1.0), abs=2e-2)
+    assert np.allclose(bent(np.repeat(q, 3), 0.1)[2::3], s), "at rest nothing changes"
+    assert np.array_equal(bent(np.zeros(5), 0.1), np.zeros(5))
+    assert [ways(np.tile(q, 3), path) for path in (0.5, 1.5)] == [6, 0]
+
+
+@pytest.mark.parametrize(("path", "name"), [(0.15, "presliding"), (1e-4, "coulomb")])
+def test_friction_over_a_path_is_told_from_damping_by_the_torque(
+    arm: JointFile, path: float, name: str
+) -> None:
+    """Of bristles whose motion a machine imposes, a regression without them shows damping."""
+    rng, t = np.random.default_rng(5), DT * np.arange(6000)
+    q = np.sin(2.0 * np.pi * 0.5 * t) * (1.0 - 0.5 * np.cos(2.0 * np.pi * t / 12.0))
+    s, before = np.zeros(len(t)), 0.0
+    for k, step in enumerate(np.diff(q, prepend=q[0])):
+        before = np.clip(before + step / path * (1.0 - before * np.sign(step)), -1.0, 1.0)
+        s[k] = before
+    torque = DRY * s + 0.02 * DRY * rng.standard_normal(len(t))
+    columns = {"t": t, "q_m": q, "i": torque / 10.0}
+    record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    case = make_case([record], [], arm, get_structure("rigid"))
+    seen = seen_in_torque(case.joint, case.logs)
+    assert seen.keys() == {name}
+    assert seen[name].values[0] == pytest.approx(DRY, rel=0.1)
+    if name == "presliding":
+        assert seen[name].values[1] == pytest.approx(DRY / path, rel=0.5)
+        assert seen_in_torque(case.joint, case.logs, {"presliding"}).keys() != {"coulomb"}
+        (told,) = told_by_torque(Judgement(case, "found", case.joint, ()), seen, (), alone=True)
+        assert set(told.parameters) == {"d_cm", "sigma_m"}
