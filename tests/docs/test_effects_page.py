@@ -13,7 +13,7 @@ from cjt_gym.joint.configure import resolve_effects
 from tools.effects_page import page
 from tools.effects_page.__main__ import main
 from tools.effects_page.bench import JOINT
-from tools.effects_page.plots import PLOTS
+from tools.effects_page.figures import PLOTS
 from tools.effects_page.snippets import python_snippet, toml_snippet
 from tools.effects_page.style import LARGEST, save
 

@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from tools.effects_page.figures import PLOTS
 from tools.effects_page.page import FIGURES, PAGE, differences, unmatched, write_page
-from tools.effects_page.plots import PLOTS
 from tools.effects_page.style import save
 
 

@@ -13,7 +13,7 @@ from cjt_gym.console.joint_tables import (
 )
 from cjt_gym.joint import DRIVES, EFFECTS, STAGES, STRUCTURES, Effect
 from cjt_gym.joint.effects import PLACES
-from tools.effects_page.plots import PLOTS
+from tools.effects_page.figures import PLOTS
 from tools.effects_page.snippets import python_snippet, toml_snippet
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -90,7 +90,9 @@ def differences() -> list[str]:
 def unmatched() -> list[str]:
     """Return the effects without an entry in the table of figures, and the other way round."""
     lacking = [
-        f"Effect {name} has no figure. Add a Plot to it." for name in EFFECTS if name not in PLOTS
+        f"Effect {name} has no figure. Draw one in tools/effects_page/figures."
+        for name in EFFECTS
+        if name not in PLOTS
     ]
     return lacking + [
         f"The figure of {name} is of no effect." for name in PLOTS if name not in EFFECTS

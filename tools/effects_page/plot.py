@@ -1,4 +1,4 @@
-"""What one entry of the table of figures says."""
+"""The table of figures, into which each function that draws one is entered by `plot`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
+
+Draw = Callable[[], Figure]
 
 
 @dataclass(frozen=True)
@@ -20,4 +22,17 @@ class Plot:
 
     equation: str
     caption: str
-    draw: Callable[[], Figure]
+    draw: Draw
+
+
+PLOTS: dict[str, Plot] = {}
+
+
+def plot(equation: str, caption: str) -> Callable[[Draw], Draw]:
+    """Return a decorator that enters a function as the figure of the effect of its name."""
+
+    def entered(draw: Draw) -> Draw:
+        PLOTS[draw.__name__] = Plot(equation, caption, draw)
+        return draw
+
+    return entered

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cjt_gym.datasheet.drawing import STYLE as SHEETS
 from tools.effects_page.bench import Complexes, Floats, decibel, degrees, density
 
 WIDTH = 7.0  # inches, 672 px
@@ -29,39 +30,23 @@ POINTS: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.4, "mew": 0.0}
 LAW: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 NOMINAL: dict[str, Any] = {"color": GREY, "lw": 1.0, "ls": (0, (4, 2))}
 
-STYLE: Any = {
-    "font.size": 9.0,
+STYLE: Any = SHEETS | {
     "font.family": "DejaVu Sans",
-    "axes.titlesize": 9.0,
+    "mathtext.fontset": "dejavusans",
     "axes.titlelocation": "left",
-    "axes.labelsize": 9.0,
     "axes.linewidth": 0.7,
-    "axes.edgecolor": "#444444",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
     "axes.formatter.useoffset": False,
     "grid.color": "#E4E4E4",
     "grid.linewidth": 0.6,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
     "xtick.major.width": 0.7,
     "ytick.major.width": 0.7,
     "legend.fontsize": 8.5,
-    "legend.frameon": True,
-    "legend.framealpha": 0.85,
-    "legend.edgecolor": "none",
-    "legend.borderpad": 0.2,
     "legend.handlelength": 1.6,
+    "legend.labelspacing": 0.5,
     "lines.linewidth": 1.3,
-    "figure.constrained_layout.use": True,
-    "figure.facecolor": "white",
-    "svg.fonttype": "path",
-    "svg.hashsalt": "cjt-gym",
     "path.simplify_threshold": 0.2,
 }
+"""The style of data sheets, for figures that are seen on a screen."""
 
 
 def mosaic(layout: str, height: float = 2.7, **more: Any) -> tuple[Figure, dict[str, Axes]]:

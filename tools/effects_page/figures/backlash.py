@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tools.effects_page.bench import Complexes, Floats, blocked, fourier, joint
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import BLUE, GREY, LAW, NOMINAL, POINTS, RED, SEQUENCE, label, mosaic
 
 GAP, FREQUENCY, DT = 2e-3, 2.0, 1e-3
@@ -42,6 +42,22 @@ def describing_function(ratio: Floats) -> Complexes:
     return np.asarray(real - 1j * (1.0 - x * x) / np.pi, dtype=np.complex128)
 
 
+@plot(
+    (
+        r"\tau = k \max\left(|x - \mathrm{offset}| - \tfrac{1}{2} \mathrm{gap}, "
+        r"0\right) \operatorname{sign}(x - \mathrm{offset}) + d\,\dot x \text{ in "
+        r"contact, never pulling}"
+        "\n"
+        r"\tau = 0 \text{ within the gap}, \quad x = q_g - q_l \quad (q_m - q_g "
+        r"\text{ if the gear is compliant})"
+    ),
+    "Top left: output moved as a sine, motor held by friction while the play is open; the loop "
+    "is as wide as the gap at any amplitude. Right: gain and phase of its first harmonic over "
+    "amplitude per gap, simulated on the describing function of friction-controlled backlash; "
+    "below half a gap nothing is transmitted, and the lag is largest close to it. Bottom left: "
+    "phase portrait of a free motor at blocked output; it crosses the gap (grey) at constant "
+    "speed and rebounds at its sides, for ever if the contact is elastic.",
+)
 def backlash() -> Figure:
     """Draw the loop, the describing function and the phase portrait with impacts."""
     figure, axes = mosaic("ab;cd", 5.0)
@@ -81,24 +97,3 @@ def backlash() -> Figure:
 def _harmonic(ratio: float) -> complex:
     t, q_l, q_m = dragged(ratio * GAP)
     return fourier(q_m, t, FREQUENCY) / fourier(q_l, t, FREQUENCY)
-
-
-PLOTS = (
-    Plot(
-        (
-            r"\tau = k \max\left(|x - \mathrm{offset}| - \tfrac{1}{2} \mathrm{gap}, "
-            r"0\right) \operatorname{sign}(x - \mathrm{offset}) + d\,\dot x \text{ in "
-            r"contact, never pulling}"
-            "\n"
-            r"\tau = 0 \text{ within the gap}, \quad x = q_g - q_l \quad (q_m - q_g "
-            r"\text{ if the gear is compliant})"
-        ),
-        "Top left: output moved as a sine, motor held by friction while the play is open; the loop "
-        "is as wide as the gap at any amplitude. Right: gain and phase of its first harmonic over "
-        "amplitude per gap, simulated on the describing function of friction-controlled backlash; "
-        "below half a gap nothing is transmitted, and the lag is largest close to it. Bottom left: "
-        "phase portrait of a free motor at blocked output; it crosses the gap (grey) at constant "
-        "speed and rebounds at its sides, for ever if the contact is elastic.",
-        backlash,
-    ),
-)

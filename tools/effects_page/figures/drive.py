@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tools.effects_page.bench import Floats, blocked, degrees, fourier, joint
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
     GREY,
@@ -44,6 +44,11 @@ def _transfer(effects: dict[str, dict[str, float]], f: float, amplitude: float) 
     return fourier(current[last], t[last], true_f) / fourier(command[last], t[last], true_f)
 
 
+@plot(
+    r"i(t) = i_\mathrm{cmd}(t - T)",
+    "Left: the current follows the command late. Right: the dead time costs no gain, but a "
+    "phase that grows in proportion to frequency, which limits the bandwidth of any loop.",
+)
 def command_delay() -> Figure:
     """Draw steps and phase for three dead times."""
     figure, axes = mosaic("ab")
@@ -64,6 +69,11 @@ def command_delay() -> Figure:
     return figure
 
 
+@plot(
+    r"\dot i = 2 \pi f_c\,(i_\mathrm{cmd} - i)",
+    "Left: step responses of the current loop. Right: first-order low pass; at the bandwidth "
+    "the gain is -3 dB (grey line) and the phase -45 degrees.",
+)
 def current_lag() -> Figure:
     """Draw steps and Bode diagram for three bandwidths."""
     figure, axes = bode()
@@ -85,6 +95,15 @@ def current_lag() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"v = k_t n\,\dot q_m + k_p e + k_i z, \quad \dot z = e = i_\mathrm{cmd} - "
+        r"i, \quad k_p = \omega l_a, \quad k_i = \omega r, \quad \omega = 2 \pi f_c"
+    ),
+    "Left: in a d-q drive the current follows as a first-order lag with the bandwidth f_c, a "
+    "sample late. Right: the voltage of the q axis, which is held over a sample of the "
+    "controller; a controller that assumes a wrong inductance still reaches the set point.",
+)
 def current_control() -> Figure:
     """Draw the loop of a d-q drive: steps of the current, and what mistaken numbers do to it."""
     figure, axes = mosaic("ab")
@@ -113,6 +132,11 @@ def current_control() -> Figure:
     return figure
 
 
+@plot(
+    r"|i| \le i_p",
+    "Left: torque over commanded current, nominal and with half the peak current; simulated "
+    "points on the clipped line. Right: a sine beyond the limit is flattened.",
+)
 def current_saturation() -> Figure:
     """Draw the static characteristic and a clipped sine."""
     figure, axes = mosaic("ab")
@@ -131,6 +155,13 @@ def current_saturation() -> Figure:
     return figure
 
 
+@plot(
+    r"|r i + k_t n\,\dot q_m| \le v_0, \quad |i| \le i_p",
+    "Left: torque-speed envelope. Up to the corner speed the current limits the torque, beyond "
+    "it the back-EMF leaves less and less voltage; a supply that sags moves the corner inwards "
+    "and lowers the no-load speed v_0 / (k_t n). Lines are the envelope, points are simulated. "
+    "Right: run-up towards the no-load speed (dotted).",
+)
 def voltage_saturation() -> Figure:
     """Draw the largest torque over speed with nominal and sagging supply."""
     figure, axes = mosaic("ab", width_ratios=(1.5, 1.0))
@@ -159,6 +190,12 @@ def voltage_saturation() -> Figure:
     return figure
 
 
+@plot(
+    r"|\dot i| \le \mathrm{rate}",
+    "Left: a sine that asks for more than the rate becomes a triangle that lags. Right: gain "
+    "of the first harmonic. It is one up to the onset f* = rate / (2 pi A), which depends on "
+    "the amplitude A, and 4 f* / (pi f) once the current is a triangle.",
+)
 def current_rate_limit() -> Figure:
     """Draw a sine that becomes a triangle, and the gain of its first harmonic."""
     figure, axes = mosaic("ab")
@@ -187,6 +224,14 @@ def current_rate_limit() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"i = \Delta \left\lfloor \frac{i_\mathrm{cmd}}{\Delta} + \frac{1}{2} "
+        r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
+    ),
+    "Left: staircase of the current over the commanded current. Right: error within half a "
+    "step; its rms value is step / sqrt(12).",
+)
 def command_quantization() -> Figure:
     """Draw the staircase and its error."""
     figure, axes = mosaic("ab")
@@ -206,6 +251,14 @@ def command_quantization() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\tau_m = k_t n\,i_\mathrm{cmd} + w_k, \quad w_k \sim N(0, \mathrm{std}^2) "
+        r"\text{ for each control step}"
+    ),
+    "Left: torque for a constant command. Middle: distribution with the normal law. Right: "
+    "flat power spectral density of the samples, with the line 2 std^2 dt.",
+)
 def command_noise() -> Figure:
     """Draw noise over time, its distribution and its density."""
     figure, axes = mosaic("abc", width_ratios=(1.2, 0.9, 1.0))
@@ -219,68 +272,3 @@ def command_noise() -> Figure:
     label(axes["a"], "time [ms]", "motor torque [N m]", "command 5 N m")
     draw_noise(axes, torque - 5.0, std, dt, 1e-5)
     return figure
-
-
-PLOTS = (
-    Plot(
-        r"i(t) = i_\mathrm{cmd}(t - T)",
-        "Left: the current follows the command late. Right: the dead time costs no gain, but a "
-        "phase that grows in proportion to frequency, which limits the bandwidth of any loop.",
-        command_delay,
-    ),
-    Plot(
-        r"\dot i = 2 \pi f_c\,(i_\mathrm{cmd} - i)",
-        "Left: step responses of the current loop. Right: first-order low pass; at the bandwidth "
-        "the gain is -3 dB (grey line) and the phase -45 degrees.",
-        current_lag,
-    ),
-    Plot(
-        (
-            r"v = k_t n\,\dot q_m + k_p e + k_i z, \quad \dot z = e = i_\mathrm{cmd} - "
-            r"i, \quad k_p = \omega l_a, \quad k_i = \omega r, \quad \omega = 2 \pi f_c"
-        ),
-        "Left: in a d-q drive the current follows as a first-order lag with the bandwidth f_c, a "
-        "sample late. Right: the voltage of the q axis, which is held over a sample of the "
-        "controller; a controller that assumes a wrong inductance still reaches the set point.",
-        current_control,
-    ),
-    Plot(
-        r"|i| \le i_p",
-        "Left: torque over commanded current, nominal and with half the peak current; simulated "
-        "points on the clipped line. Right: a sine beyond the limit is flattened.",
-        current_saturation,
-    ),
-    Plot(
-        r"|r i + k_t n\,\dot q_m| \le v_0, \quad |i| \le i_p",
-        "Left: torque-speed envelope. Up to the corner speed the current limits the torque, beyond "
-        "it the back-EMF leaves less and less voltage; a supply that sags moves the corner inwards "
-        "and lowers the no-load speed v_0 / (k_t n). Lines are the envelope, points are simulated. "
-        "Right: run-up towards the no-load speed (dotted).",
-        voltage_saturation,
-    ),
-    Plot(
-        r"|\dot i| \le \mathrm{rate}",
-        "Left: a sine that asks for more than the rate becomes a triangle that lags. Right: gain "
-        "of the first harmonic. It is one up to the onset f* = rate / (2 pi A), which depends on "
-        "the amplitude A, and 4 f* / (pi f) once the current is a triangle.",
-        current_rate_limit,
-    ),
-    Plot(
-        (
-            r"i = \Delta \left\lfloor \frac{i_\mathrm{cmd}}{\Delta} + \frac{1}{2} "
-            r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
-        ),
-        "Left: staircase of the current over the commanded current. Right: error within half a "
-        "step; its rms value is step / sqrt(12).",
-        command_quantization,
-    ),
-    Plot(
-        (
-            r"\tau_m = k_t n\,i_\mathrm{cmd} + w_k, \quad w_k \sim N(0, \mathrm{std}^2) "
-            r"\text{ for each control step}"
-        ),
-        "Left: torque for a constant command. Middle: distribution with the normal law. Right: "
-        "flat power spectral density of the samples, with the line 2 std^2 dt.",
-        command_noise,
-    ),
-)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tools.effects_page.bench import Floats, blocked, drag, joint
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
     GREY,
@@ -32,6 +32,17 @@ def _map(effects: dict[str, dict[str, float]], speeds: Floats) -> Floats:
     return np.array([-drag(effects, v) for v in speeds])
 
 
+@plot(
+    (
+        r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0}, \quad \text{or } d_c "
+        r"\operatorname{sign}(\dot q) \text{ with } \dot q_0 = 0 \text{ (set-valued "
+        r"at rest)}"
+    ),
+    "Left: friction-velocity map, smoothed and sharp; points are measured at an output that "
+    "drags the motor, lines are the law. Right: Coulomb friction takes 4 d_c off the torque's "
+    "amplitude in every period, so the envelope is straight, and the oscillation stops inside "
+    "the band |tau| <= d_c (grey), where friction holds.",
+)
 def coulomb() -> Figure:
     """Draw the friction-velocity map and the linear decay of free oscillations."""
     figure, axes = mosaic("ab")
@@ -57,6 +68,15 @@ def coulomb() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q \ge 0, "
+        r"\quad d_{c,n} \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q < 0"
+    ),
+    "Left: map with unequal levels. Right: torque over angle of a slow oscillation; the loop "
+    "is a rectangle, and its middle (dotted) is off zero, like a torque offset that is only "
+    "there in motion.",
+)
 def coulomb_asym() -> Figure:
     """Draw the map and the loops of a slow oscillation."""
     figure, axes = mosaic("ab")
@@ -83,6 +103,14 @@ def coulomb_asym() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\tau_f = d\,\dot q \text{ for } \dot q \ge 0, \quad d_n\,\dot q \text{ "
+        r"for } \dot q < 0"
+    ),
+    "Left: map with a kink at zero. Right: under a torque that alternates, the free joint "
+    "reaches different speeds (dashed: tau / d and tau / d_n) at different rates.",
+)
 def viscous_asym() -> Figure:
     """Draw the map and the run-up in both directions."""
     figure, axes = mosaic("ab")
@@ -110,6 +138,16 @@ def viscous_asym() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\tau_f = \left(d_c + d_s e^{-(\dot q / v_s)^2}\right) \tanh\frac{\dot "
+        r"q}{\dot q_0}"
+    ),
+    "Left: Stribeck curve with the joint's viscous damping; friction falls from the breakaway "
+    "level before viscous damping takes over. Right: the falling branch causes stick-slip when "
+    "a soft spring drags the motor slowly (saw-teeth up to the breakaway level), and none at "
+    "higher speed.",
+)
 def stribeck() -> Figure:
     """Draw the Stribeck curve and stick-slip behind a spring."""
     figure, axes = mosaic("ab")
@@ -142,6 +180,18 @@ def stribeck() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\dot z = \dot q - \frac{\sigma |\dot q| z}{g(\dot q)}, \quad \tau_f = "
+        r"\sigma z + \sigma_1 \dot z"
+        "\n"
+        r"g(\dot q) = d_c + d_s e^{-(\dot q / v_s)^2} + \mu |\tau|"
+    ),
+    "Left: friction over displacement for motions of several amplitudes: closed, nested loops "
+    "that are spring-like when small and become rectangles when large. Right: from rest, the "
+    "bristles act as a spring of stiffness sigma (dotted) and yield to the Coulomb level "
+    "(dashed); lines are d_c (1 - exp(-sigma x / d_c)).",
+)
 def presliding() -> Figure:
     """Draw nested presliding loops and the transition to sliding."""
     figure, axes = mosaic("ab", 3.0)
@@ -176,6 +226,13 @@ def presliding() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau_f = (d_c + \mu |\tau|) \tanh\frac{\dot q}{\dot q_0}",
+    "Left: friction over the transmitted torque in steady motion, a V on top of the Coulomb "
+    "level. Right: joint torque over motor torque in steady motion, forwards and backwards; "
+    "friction takes from the motor when it drives and holds back the load when it is driven, "
+    "and the band between widens with load.",
+)
 def load_friction() -> Figure:
     """Draw friction over the transmitted torque, driving and driven."""
     figure, axes = mosaic("ab")
@@ -202,6 +259,12 @@ def load_friction() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau_{f,l} = d_{cl} \tanh\frac{\dot q_l}{\dot q_0}",
+    "Left: torque that the joint transmits to a load in steady motion, with and without viscous "
+    "damping of the load. Right: a load that coasts loses speed in a straight line and stops at "
+    "once; viscous damping alone would never stop it. Points are simulated, lines are the law.",
+)
 def load_coulomb() -> Figure:
     """Draw the friction of the load and how it coasts."""
     figure, axes = mosaic("ab")
@@ -229,77 +292,3 @@ def load_coulomb() -> Figure:
     label(axes["a"], "speed of the load [rad/s]", "joint torque [N m]", "steady", "upper left")
     label(axes["b"], "time [ms]", "speed of the load [rad/s]", "coasting to a stop")
     return figure
-
-
-PLOTS = (
-    Plot(
-        (
-            r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0}, \quad \text{or } d_c "
-            r"\operatorname{sign}(\dot q) \text{ with } \dot q_0 = 0 \text{ (set-valued "
-            r"at rest)}"
-        ),
-        "Left: friction-velocity map, smoothed and sharp; points are measured at an output that "
-        "drags the motor, lines are the law. Right: Coulomb friction takes 4 d_c off the torque's "
-        "amplitude in every period, so the envelope is straight, and the oscillation stops inside "
-        "the band |tau| <= d_c (grey), where friction holds.",
-        coulomb,
-    ),
-    Plot(
-        (
-            r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q \ge 0, "
-            r"\quad d_{c,n} \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q < 0"
-        ),
-        "Left: map with unequal levels. Right: torque over angle of a slow oscillation; the loop "
-        "is a rectangle, and its middle (dotted) is off zero, like a torque offset that is only "
-        "there in motion.",
-        coulomb_asym,
-    ),
-    Plot(
-        (
-            r"\tau_f = d\,\dot q \text{ for } \dot q \ge 0, \quad d_n\,\dot q \text{ "
-            r"for } \dot q < 0"
-        ),
-        "Left: map with a kink at zero. Right: under a torque that alternates, the free joint "
-        "reaches different speeds (dashed: tau / d and tau / d_n) at different rates.",
-        viscous_asym,
-    ),
-    Plot(
-        (
-            r"\tau_f = \left(d_c + d_s e^{-(\dot q / v_s)^2}\right) \tanh\frac{\dot "
-            r"q}{\dot q_0}"
-        ),
-        "Left: Stribeck curve with the joint's viscous damping; friction falls from the breakaway "
-        "level before viscous damping takes over. Right: the falling branch causes stick-slip when "
-        "a soft spring drags the motor slowly (saw-teeth up to the breakaway level), and none at "
-        "higher speed.",
-        stribeck,
-    ),
-    Plot(
-        (
-            r"\dot z = \dot q - \frac{\sigma |\dot q| z}{g(\dot q)}, \quad \tau_f = "
-            r"\sigma z + \sigma_1 \dot z"
-            "\n"
-            r"g(\dot q) = d_c + d_s e^{-(\dot q / v_s)^2} + \mu |\tau|"
-        ),
-        "Left: friction over displacement for motions of several amplitudes: closed, nested loops "
-        "that are spring-like when small and become rectangles when large. Right: from rest, the "
-        "bristles act as a spring of stiffness sigma (dotted) and yield to the Coulomb level "
-        "(dashed); lines are d_c (1 - exp(-sigma x / d_c)).",
-        presliding,
-    ),
-    Plot(
-        r"\tau_f = (d_c + \mu |\tau|) \tanh\frac{\dot q}{\dot q_0}",
-        "Left: friction over the transmitted torque in steady motion, a V on top of the Coulomb "
-        "level. Right: joint torque over motor torque in steady motion, forwards and backwards; "
-        "friction takes from the motor when it drives and holds back the load when it is driven, "
-        "and the band between widens with load.",
-        load_friction,
-    ),
-)
-LOAD_PLOT = Plot(
-    r"\tau_{f,l} = d_{cl} \tanh\frac{\dot q_l}{\dot q_0}",
-    "Left: torque that the joint transmits to a load in steady motion, with and without viscous "
-    "damping of the load. Right: a load that coasts loses speed in a straight line and stops at "
-    "once; viscous damping alone would never stop it. Points are simulated, lines are the law.",
-    load_coulomb,
-)

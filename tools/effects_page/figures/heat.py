@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from cjt_gym.joint.arrays import HOUSING, K_M, WINDING
 from cjt_gym.joint.batch import JointBatch
 from tools.effects_page.bench import Floats, joint
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import BLUE, GREY, LAW, POINTS, RED, label, mosaic
 
 R, R_1, R_2, T_W, T_H = 0.318, 10.0, 15.0, 60.0, 3000.0
@@ -40,6 +40,22 @@ def two_exponentials(current: float, t: Floats) -> Floats:
     return np.array([steady - expm(a * x) @ steady for x in t])
 
 
+@plot(
+    (
+        r"C_w \dot T_w = r (1 + a_\mathrm{CU} T_w)\,i^2 - \frac{T_w - "
+        r"T_h}{r_{th1}}, \quad C_w = \frac{T_{thw}}{r_{th1}}"
+        "\n"
+        r"C_h \dot T_h = \frac{T_w - T_h}{r_{th1}} - \frac{T_h}{r_{th2}}, \quad C_h "
+        r"= \frac{T_{thm}}{r_{th2}}"
+        "\n"
+        r"k_t(T_w) = k_t (1 - \mathrm{derating}\,T_w), \quad r(T_w) = r (1 + "
+        r"a_\mathrm{CU} T_w)"
+    ),
+    "Left: rise of winding and housing under constant current. The winding leaves the housing "
+    "behind within its own time constant, then both follow the housing. Points are simulated "
+    "with constant resistance, on the sum of two exponentials; dashed with copper that heats "
+    "itself more as it warms. Right: torque per ampere falls with the winding's rise.",
+)
 def thermal_derating() -> Figure:
     """Draw the rise of winding and housing, and the torque per ampere that is left."""
     figure, axes = mosaic("ab", 2.9, width_ratios=(1.25, 1.0))
@@ -67,24 +83,3 @@ def thermal_derating() -> Figure:
     label(axes["b"], "time [s]", "torque per ampere [% of cold]", "", "lower left")
     axes["b"].set_xlim(3.0, 2e4)
     return figure
-
-
-PLOTS = (
-    Plot(
-        (
-            r"C_w \dot T_w = r (1 + a_\mathrm{CU} T_w)\,i^2 - \frac{T_w - "
-            r"T_h}{r_{th1}}, \quad C_w = \frac{T_{thw}}{r_{th1}}"
-            "\n"
-            r"C_h \dot T_h = \frac{T_w - T_h}{r_{th1}} - \frac{T_h}{r_{th2}}, \quad C_h "
-            r"= \frac{T_{thm}}{r_{th2}}"
-            "\n"
-            r"k_t(T_w) = k_t (1 - \mathrm{derating}\,T_w), \quad r(T_w) = r (1 + "
-            r"a_\mathrm{CU} T_w)"
-        ),
-        "Left: rise of winding and housing under constant current. The winding leaves the housing "
-        "behind within its own time constant, then both follow the housing. Points are simulated "
-        "with constant resistance, on the sum of two exponentials; dashed with copper that heats "
-        "itself more as it warms. Right: torque per ampere falls with the winding's rise.",
-        thermal_derating,
-    ),
-)

@@ -18,8 +18,7 @@ from tools.effects_page.bench import (
     response,
     tones,
 )
-from tools.effects_page.figures.friction import LOAD_PLOT
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
     GREY,
@@ -39,6 +38,12 @@ MASS = 0.2  # of the load, kg m^2
 BARE: dict[str, Any] = {"I_m": 0.05, "I_g": 0.05, "I_l": 0.1, "d_m": 0.0, "d_g": 0.0, "d_l": 0.0}
 
 
+@plot(
+    r"I_l' \ddot q_l + d_l \dot q_l = \tau + \tau_l",
+    "Left: run-up with the load. Right: a heavier load takes a larger share of the motor's "
+    "torque and lowers the resonance of motor against load. Points are simulated, lines are "
+    "the linear model with that value.",
+)
 def load_inertia() -> Figure:
     """Draw run-up and resonance with more inertia of the load."""
     figure, axes = bode()
@@ -59,6 +64,11 @@ def load_inertia() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau_g = -\mathrm{torque} \cdot \sin(q_l - \mathrm{angle})",
+    "Left: torque that carries the load through a slow turn, for two angles at which it hangs. "
+    "Right: period of the free pendulum, on the elliptic integral; it grows with amplitude.",
+)
 def gravity() -> Figure:
     """Draw torque over angle, and the period of the pendulum over its amplitude."""
     figure, axes = mosaic("ab")
@@ -130,6 +140,16 @@ def restitution(damping: float, speed: float) -> float:
     return float(out) / speed
 
 
+@plot(
+    (
+        r"\tau_c = -k\,x^e \max(0, 1 + \mathrm{damping} \cdot \dot x), \quad x = "
+        r"\max(0, q_l - \mathrm{position})"
+    ),
+    "Left: torque over penetration in one impact; the loop's area is lost. Middle: a load that "
+    "is pushed against the contact (grey) bounces. Right: coefficient of restitution; points "
+    "are simulated, lines are the exact solution of the law. It falls with speed, and is one "
+    "without damping.",
+)
 def contact() -> Figure:
     """Draw loops of penetration, bounces, and the coefficient of restitution."""
     figure, axes = mosaic("abc", 2.8)
@@ -158,6 +178,15 @@ def contact() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"q_l = q_{l,\mathrm{given}} + \mathrm{amplitude} \cdot \sin(2 \pi f t), "
+        r"\quad f = \mathrm{frequency}"
+    ),
+    "Left: moved output and the torque that the joint passes on. Right: mechanical impedance "
+    "that the output feels, from motions at many frequencies, with the linear model; below the "
+    "resonance it is the motor's damping and inertia, above it the bar alone (dashed: k_b).",
+)
 def load_motion() -> Figure:
     """Draw a moved output and the impedance that it feels."""
     figure, axes = bode()
@@ -195,6 +224,18 @@ def load_motion() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\dot \tau_v = -2 \pi \cdot \mathrm{bandwidth} \cdot \tau_v + \text{white "
+        r"noise}"
+        "\n"
+        r"\text{tremor: white noise through a resonance at } "
+        r"\mathrm{tremor\_frequency} \text{ with 5 \% damping}"
+    ),
+    "Left: torque of a person, with the standard deviation of its voluntary part in grey. "
+    "Right: power spectral density; a low pass for the voluntary torque and a narrow band of "
+    "tremor (dashed), and their sum.",
+)
 def human_torque() -> Figure:
     """Draw a person's torque over time and its spectrum."""
     figure, axes = mosaic("ab", width_ratios=(1.2, 1.0))
@@ -227,55 +268,3 @@ def human_torque() -> Figure:
     axes["b"].set_ylim(1e-4, 20.0)
     label(axes["b"], "frequency [Hz]", "density [N² m²/Hz]", "tremor at 9 Hz", "lower left")
     return figure
-
-
-PLOTS = (
-    Plot(
-        r"I_l' \ddot q_l + d_l \dot q_l = \tau + \tau_l",
-        "Left: run-up with the load. Right: a heavier load takes a larger share of the motor's "
-        "torque and lowers the resonance of motor against load. Points are simulated, lines are "
-        "the linear model with that value.",
-        load_inertia,
-    ),
-    LOAD_PLOT,
-    Plot(
-        r"\tau_g = -\mathrm{torque} \cdot \sin(q_l - \mathrm{angle})",
-        "Left: torque that carries the load through a slow turn, for two angles at which it hangs. "
-        "Right: period of the free pendulum, on the elliptic integral; it grows with amplitude.",
-        gravity,
-    ),
-    Plot(
-        (
-            r"\tau_c = -k\,x^e \max(0, 1 + \mathrm{damping} \cdot \dot x), \quad x = "
-            r"\max(0, q_l - \mathrm{position})"
-        ),
-        "Left: torque over penetration in one impact; the loop's area is lost. Middle: a load that "
-        "is pushed against the contact (grey) bounces. Right: coefficient of restitution; points "
-        "are simulated, lines are the exact solution of the law. It falls with speed, and is one "
-        "without damping.",
-        contact,
-    ),
-    Plot(
-        (
-            r"q_l = q_{l,\mathrm{given}} + \mathrm{amplitude} \cdot \sin(2 \pi f t), "
-            r"\quad f = \mathrm{frequency}"
-        ),
-        "Left: moved output and the torque that the joint passes on. Right: mechanical impedance "
-        "that the output feels, from motions at many frequencies, with the linear model; below the "
-        "resonance it is the motor's damping and inertia, above it the bar alone (dashed: k_b).",
-        load_motion,
-    ),
-    Plot(
-        (
-            r"\dot \tau_v = -2 \pi \cdot \mathrm{bandwidth} \cdot \tau_v + \text{white "
-            r"noise}"
-            "\n"
-            r"\text{tremor: white noise through a resonance at } "
-            r"\mathrm{tremor\_frequency} \text{ with 5 \% damping}"
-        ),
-        "Left: torque of a person, with the standard deviation of its voluntary part in grey. "
-        "Right: power spectral density; a low pass for the voluntary torque and a narrow band of "
-        "tremor (dashed), and their sum.",
-        human_torque,
-    ),
-)

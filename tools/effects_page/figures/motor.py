@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tools.effects_page.bench import blocked, joint, model_response, response, tones
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLACK,
     BLUE,
@@ -23,8 +23,14 @@ from tools.effects_page.style import (
 
 K_T, N = 0.078, 80.0
 K_B, I_M, I_G = 6000.0, 0.23, 0.0717
+_SHIFT = "Points are simulated, lines are the linear model with that value."
 
 
+@plot(
+    r"\tau_m = k_t' n\,i, \quad i_\mathrm{cmd} = \frac{\tau_\mathrm{cmd}}{k_t n}",
+    "Left: steady torque over current at blocked output; the slope is k_t n. Right: a "
+    "commanded torque is missed by a constant share, whatever its size (grey: nominal).",
+)
 def torque_constant() -> Figure:
     """Draw torque over current at blocked output, and its response."""
     figure, axes = mosaic("ab")
@@ -47,6 +53,11 @@ def torque_constant() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau_m = k_t n\,i + \mathrm{torque}",
+    "Left: characteristic shifted by the offset. Right: a free joint without command creeps to "
+    "the speed torque / d; lines are the exponential law.",
+)
 def torque_offset() -> Figure:
     """Draw the shifted characteristic and the speed that it causes."""
     figure, axes = mosaic("ab")
@@ -85,6 +96,11 @@ def _two_responses(
     return figure, axes
 
 
+@plot(
+    r"(I_m' + I_g)\,\ddot q + (d_m + d_g)\,\dot q + k_b q = \tau_m",
+    "Left: a heavier rotor runs up more slowly. Right: it lowers the resonance and the "
+    f"roll-off of torque transmission, with the same static gain. {_SHIFT}",
+)
 def inertia() -> Figure:
     """Draw run-up and resonance with more inertia."""
     more = 1.2 * I_M
@@ -100,6 +116,11 @@ def inertia() -> Figure:
     return figure
 
 
+@plot(
+    r"D' = \operatorname{diag}(d_m', d_g', d_l')",
+    "Left: ringing after release and the envelope exp(-d t / (2 I)). Right: damping lowers the "
+    f"peak and hardly moves it. {_SHIFT}",
+)
 def damping() -> Figure:
     """Draw ringing and resonance with more damping."""
     real: dict[str, Any] = {"d_m": 3.7, "d_g": 2.2}
@@ -124,6 +145,12 @@ def damping() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau = k_b' (q_g - q_l) + d_{gl} (\dot q_g - \dot q_l)",
+    "Left: slope of torque over deflection. Right: the resonance moves with the square root of "
+    f"the stiffness. A sensor that multiplies deflection by k_b would be wrong by the same "
+    f"share. {_SHIFT}",
+)
 def stiffness() -> Figure:
     """Draw torque over deflection and the resonance of a softer bar."""
     soft = 0.85 * K_B
@@ -141,6 +168,11 @@ def stiffness() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau_\mathrm{gear} = k_g' (q_m - q_g) + d_{mg} (\dot q_m - \dot q_g)",
+    "Left: wind-up of the gear. Right: two resonances, here with little damping d_mg; the "
+    f"second, of the gear's inertia between its springs, moves most. {_SHIFT}",
+)
 def gear_stiffness() -> Figure:
     """Draw the wind-up of the gear and the second resonance of a softer one."""
     figure, axes = bode()
@@ -161,46 +193,3 @@ def gear_stiffness() -> Figure:
     label(axes["a"], "twist of the gear [mrad]", "joint torque [N m]", "static", "upper left")
     axes["g"].set_title("motor torque to joint torque")
     return figure
-
-
-_SHIFT = "Points are simulated, lines are the linear model with that value."
-
-PLOTS = (
-    Plot(
-        (r"\tau_m = k_t' n\,i, \quad i_\mathrm{cmd} = \frac{\tau_\mathrm{cmd}}{k_t n}"),
-        "Left: steady torque over current at blocked output; the slope is k_t n. Right: a "
-        "commanded torque is missed by a constant share, whatever its size (grey: nominal).",
-        torque_constant,
-    ),
-    Plot(
-        r"\tau_m = k_t n\,i + \mathrm{torque}",
-        "Left: characteristic shifted by the offset. Right: a free joint without command creeps to "
-        "the speed torque / d; lines are the exponential law.",
-        torque_offset,
-    ),
-    Plot(
-        r"(I_m' + I_g)\,\ddot q + (d_m + d_g)\,\dot q + k_b q = \tau_m",
-        "Left: a heavier rotor runs up more slowly. Right: it lowers the resonance and the "
-        f"roll-off of torque transmission, with the same static gain. {_SHIFT}",
-        inertia,
-    ),
-    Plot(
-        r"D' = \operatorname{diag}(d_m', d_g', d_l')",
-        "Left: ringing after release and the envelope exp(-d t / (2 I)). Right: damping lowers the "
-        f"peak and hardly moves it. {_SHIFT}",
-        damping,
-    ),
-    Plot(
-        r"\tau = k_b' (q_g - q_l) + d_{gl} (\dot q_g - \dot q_l)",
-        "Left: slope of torque over deflection. Right: the resonance moves with the square root of "
-        f"the stiffness. A sensor that multiplies deflection by k_b would be wrong by the same "
-        f"share. {_SHIFT}",
-        stiffness,
-    ),
-    Plot(
-        r"\tau_\mathrm{gear} = k_g' (q_m - q_g) + d_{mg} (\dot q_m - \dot q_g)",
-        "Left: wind-up of the gear. Right: two resonances, here with little damping d_mg; the "
-        f"second, of the gear's inertia between its springs, moves most. {_SHIFT}",
-        gear_stiffness,
-    ),
-)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tools.effects_page.bench import Floats, joint
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import BLACK, BLUE, GREEN, POINTS, RED, label, mosaic
 
 N, P, K = 80.0, 6.0, 0.078 * 80.0
@@ -82,6 +82,15 @@ def _compare(
     axes["b"].set_ylim(bottom=0.0)
 
 
+@plot(
+    (
+        r"\tau_c = \mathrm{scale} \cdot \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
+        r"\sin(f_j q_m)\bigr)"
+    ),
+    "Left: torque over two revolutions of the rotor; points are simulated, the line is the "
+    "series. Right: spectrum over angle, with the law sqrt(a^2 + b^2) as rings: cogging stays "
+    "at its orders whatever the speed and the torque.",
+)
 def cogging() -> Figure:
     """Draw cogging over angle and its spectrum."""
     figure, axes = mosaic("ab")
@@ -92,6 +101,14 @@ def cogging() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\tau_c = \mathrm{scale} \cdot \tau \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
+        r"\sin(f_j q_m)\bigr)"
+    ),
+    "Left: ripple over two revolutions of the rotor at three transmitted torques. Right: "
+    "spectrum; the orders stay, the amplitudes are proportional to the transmitted torque.",
+)
 def gear_ripple() -> Figure:
     """Draw gear ripple for several transmitted torques."""
     figure, axes = mosaic("ab")
@@ -102,6 +119,14 @@ def gear_ripple() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"\tau_c = \mathrm{scale} \cdot k_t n\,i \sum_j \bigl(a_j \cos(f_j q_m) + "
+        r"b_j \sin(f_j q_m)\bigr)"
+    ),
+    "Left: ripple over four periods at three motor torques. Right: spectrum, with lines at "
+    "multiples of six per electrical revolution that are proportional to the current.",
+)
 def commutation_ripple() -> Figure:
     """Draw commutation ripple for several currents."""
     figure, axes = mosaic("ab")
@@ -113,6 +138,12 @@ def commutation_ripple() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau_c = k_t n \bigl(a \cos(p n q_m) + b \sin(p n q_m)\bigr)",
+    "Left: ripple over three electrical periods, without torque (circles) and at 60 N m "
+    "(squares). Right: one line at the electrical frequency p n, of amplitude "
+    "k_t n sqrt(a^2 + b^2), which is the same at any torque.",
+)
 def current_offset() -> Figure:
     """Draw the ripple of current offsets, which does not depend on the torque."""
     figure, axes = mosaic("ab")
@@ -141,42 +172,3 @@ def current_offset() -> Figure:
     axes["b"].set_ylim(bottom=0.0)
     axes["b"].set_xticks([0, P * N, 960], ["0", "480\n= p n", "960"])
     return figure
-
-
-PLOTS = (
-    Plot(
-        (
-            r"\tau_c = \mathrm{scale} \cdot \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
-            r"\sin(f_j q_m)\bigr)"
-        ),
-        "Left: torque over two revolutions of the rotor; points are simulated, the line is the "
-        "series. Right: spectrum over angle, with the law sqrt(a^2 + b^2) as rings: cogging stays "
-        "at its orders whatever the speed and the torque.",
-        cogging,
-    ),
-    Plot(
-        (
-            r"\tau_c = \mathrm{scale} \cdot \tau \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
-            r"\sin(f_j q_m)\bigr)"
-        ),
-        "Left: ripple over two revolutions of the rotor at three transmitted torques. Right: "
-        "spectrum; the orders stay, the amplitudes are proportional to the transmitted torque.",
-        gear_ripple,
-    ),
-    Plot(
-        (
-            r"\tau_c = \mathrm{scale} \cdot k_t n\,i \sum_j \bigl(a_j \cos(f_j q_m) + "
-            r"b_j \sin(f_j q_m)\bigr)"
-        ),
-        "Left: ripple over four periods at three motor torques. Right: spectrum, with lines at "
-        "multiples of six per electrical revolution that are proportional to the current.",
-        commutation_ripple,
-    ),
-    Plot(
-        r"\tau_c = k_t n \bigl(a \cos(p n q_m) + b \sin(p n q_m)\bigr)",
-        "Left: ripple over three electrical periods, without torque (circles) and at 60 N m "
-        "(squares). Right: one line at the electrical frequency p n, of amplitude "
-        "k_t n sqrt(a^2 + b^2), which is the same at any torque.",
-        current_offset,
-    ),
-)

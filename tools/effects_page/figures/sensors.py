@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from cjt_gym.records import Record
 from tools.effects_page.bench import Floats, blocked, joint
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
     GREY,
@@ -55,16 +55,29 @@ def _reading(effects: Effects, law: str, gain: float, bias: float) -> Figure:
     return figure
 
 
+@plot(
+    r"\tau_\mathrm{meas} = \mathrm{gain} \cdot \tau",
+    "Left: reading over true torque. Right: an error that is proportional to the torque.",
+)
 def torque_gain() -> Figure:
     """Draw a torque sensor whose scale is wrong."""
     return _reading({"torque_gain": {"gain": 1.1}}, "gain 1.1", 1.1, 0.0)
 
 
+@plot(
+    r"\tau_\mathrm{meas} = \tau + \mathrm{bias}",
+    "Left: reading over true torque. Right: an error that is the same at any torque.",
+)
 def torque_bias() -> Figure:
     """Draw a torque sensor whose zero is off."""
     return _reading({"torque_bias": {"bias": 2.0}}, "bias 2 N m", 1.0, 2.0)
 
 
+@plot(
+    r"y_\mathrm{meas} = \mathrm{gain} \cdot y",
+    "Error of the current and of the motor angle over their true values, on straight lines "
+    "through zero; speeds are scaled with their angles.",
+)
 def sensor_gain() -> Figure:
     """Draw the error of two channels with wrong scales."""
     figure, axes = mosaic("ab")
@@ -87,6 +100,11 @@ def sensor_gain() -> Figure:
     return figure
 
 
+@plot(
+    r"y_\mathrm{meas} = y + \mathrm{bias}",
+    "Current, motor angle and angle of the blocked output: each channel is shifted by its own "
+    "bias. Shifted encoders shift a torque that is computed from deflection.",
+)
 def sensor_bias() -> Figure:
     """Draw channels whose zeros are off."""
     figure, axes = mosaic("abc", 2.5)
@@ -105,6 +123,11 @@ def sensor_bias() -> Figure:
     return figure
 
 
+@plot(
+    r"y_\mathrm{meas} = y + w_k, \quad w_k \sim N(0, \mathrm{std}^2)",
+    "Left: torque of a joint at rest, with one standard deviation in grey. Middle: "
+    "distribution with the normal law. Right: flat power spectral density, with 2 std^2 dt.",
+)
 def noise() -> Figure:
     """Draw noise over time, its distribution and its density."""
     figure, axes = mosaic("abc", width_ratios=(1.2, 0.9, 1.0))
@@ -128,6 +151,15 @@ def allan(x: Floats, widths: Floats) -> Floats:
     return np.array(found)
 
 
+@plot(
+    (
+        r"b_{k+1} = b_k + \mathrm{drift} \sqrt{dt}\,w_k, \quad y_\mathrm{meas} = y "
+        r"+ b"
+    ),
+    "Left: zeros that walk, with the standard deviation drift sqrt(t). Right: Allan deviation; "
+    "white noise falls as T^-1/2, a random walk rises as T^1/2 with drift sqrt(T / 3), and a "
+    "sensor with both has its best averaging time where they meet.",
+)
 def drift() -> Figure:
     """Draw random walks and their Allan deviation beside that of white noise."""
     figure, axes = mosaic("ab")
@@ -159,6 +191,14 @@ def drift() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"y_\mathrm{meas} = \Delta \left\lfloor \frac{y}{\Delta} + \frac{1}{2} "
+        r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
+    ),
+    "Left: staircase of an encoder with 19 bits per turn, 2 pi / 2^19 rad. Right: in motion "
+    "the error is uniform over one step; the line is the uniform density.",
+)
 def quantization() -> Figure:
     """Draw the staircase of an encoder and the distribution of its error."""
     figure, axes = mosaic("ab")
@@ -183,6 +223,15 @@ def quantization() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"q_\mathrm{meas} = q + e \sin(f q + \varphi), \quad \dot q_\mathrm{meas} = "
+        r"\dot q \bigl(1 + e f \cos(f q + \varphi)\bigr)"
+    ),
+    "Left: error over one revolution, of the output's encoder (f = 1) and of a motor encoder "
+    "whose shaft turns eight times. Right: the ripple that it causes in the speed grows with "
+    "the turns of the shaft.",
+)
 def eccentricity() -> Figure:
     """Draw the error of encoders that run off centre, over one revolution."""
     figure, axes = mosaic("ab")
@@ -215,6 +264,14 @@ def eccentricity() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"y_{\mathrm{meas},k} = y_{\mathrm{meas},k-1} \text{ with the given "
+        r"probability}"
+    ),
+    "Left: lost frames repeat the measurement before. Right: gaps of k frames are as frequent "
+    "as the geometric distribution says.",
+)
 def dropout() -> Figure:
     """Draw held measurements, and how often how many frames are lost in a row."""
     figure, axes = mosaic("ab")
@@ -237,73 +294,3 @@ def dropout() -> Figure:
     axes["b"].plot(length, share, **(POINTS | {"ms": 5.0}), color=BLUE, label="simulated")
     label(axes["b"], "frames k lost in a row [-]", "share of the gaps [-]", "", "upper right")
     return figure
-
-
-PLOTS = (
-    Plot(
-        r"\tau_\mathrm{meas} = \mathrm{gain} \cdot \tau",
-        "Left: reading over true torque. Right: an error that is proportional to the torque.",
-        torque_gain,
-    ),
-    Plot(
-        r"\tau_\mathrm{meas} = \tau + \mathrm{bias}",
-        "Left: reading over true torque. Right: an error that is the same at any torque.",
-        torque_bias,
-    ),
-    Plot(
-        r"y_\mathrm{meas} = \mathrm{gain} \cdot y",
-        "Error of the current and of the motor angle over their true values, on straight lines "
-        "through zero; speeds are scaled with their angles.",
-        sensor_gain,
-    ),
-    Plot(
-        r"y_\mathrm{meas} = y + \mathrm{bias}",
-        "Current, motor angle and angle of the blocked output: each channel is shifted by its own "
-        "bias. Shifted encoders shift a torque that is computed from deflection.",
-        sensor_bias,
-    ),
-    Plot(
-        r"y_\mathrm{meas} = y + w_k, \quad w_k \sim N(0, \mathrm{std}^2)",
-        "Left: torque of a joint at rest, with one standard deviation in grey. Middle: "
-        "distribution with the normal law. Right: flat power spectral density, with 2 std^2 dt.",
-        noise,
-    ),
-    Plot(
-        (
-            r"b_{k+1} = b_k + \mathrm{drift} \sqrt{dt}\,w_k, \quad y_\mathrm{meas} = y "
-            r"+ b"
-        ),
-        "Left: zeros that walk, with the standard deviation drift sqrt(t). Right: Allan deviation; "
-        "white noise falls as T^-1/2, a random walk rises as T^1/2 with drift sqrt(T / 3), and a "
-        "sensor with both has its best averaging time where they meet.",
-        drift,
-    ),
-    Plot(
-        (
-            r"y_\mathrm{meas} = \Delta \left\lfloor \frac{y}{\Delta} + \frac{1}{2} "
-            r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
-        ),
-        "Left: staircase of an encoder with 19 bits per turn, 2 pi / 2^19 rad. Right: in motion "
-        "the error is uniform over one step; the line is the uniform density.",
-        quantization,
-    ),
-    Plot(
-        (
-            r"q_\mathrm{meas} = q + e \sin(f q + \varphi), \quad \dot q_\mathrm{meas} = "
-            r"\dot q \bigl(1 + e f \cos(f q + \varphi)\bigr)"
-        ),
-        "Left: error over one revolution, of the output's encoder (f = 1) and of a motor encoder "
-        "whose shaft turns eight times. Right: the ripple that it causes in the speed grows with "
-        "the turns of the shaft.",
-        eccentricity,
-    ),
-    Plot(
-        (
-            r"y_{\mathrm{meas},k} = y_{\mathrm{meas},k-1} \text{ with the given "
-            r"probability}"
-        ),
-        "Left: lost frames repeat the measurement before. Right: gaps of k frames are as frequent "
-        "as the geometric distribution says.",
-        dropout,
-    ),
-)

@@ -20,7 +20,7 @@ from tools.effects_page.bench import (
     multisine,
     tones,
 )
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
     GREY,
@@ -68,6 +68,11 @@ def _late_phase(
     axes.plot(f, degrees(values), **POINTS, color=color, label=name)
 
 
+@plot(
+    r"\tau_\mathrm{meas}(t) = \tau(t - T)",
+    "Left: torque after a step; samples lie on the true torque shifted by the delay, also by a "
+    "fraction of the sample. Right: phase from true to measured torque; the gain stays one.",
+)
 def torque_delay() -> Figure:
     """Draw a late step response of the torque, and its phase."""
     figure, axes = mosaic("ab")
@@ -89,6 +94,15 @@ def torque_delay() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"y_\mathrm{meas}(t) = y(t - T_y), \text{ for a velocity together with its "
+        r"angle}"
+    ),
+    "Left: in steady rotation a late encoder reads too little by speed times delay; the "
+    "difference of two that are unequally late looks like a deflection. Right: phase from true "
+    "to measured angle, in proportion to frequency and each channel's delay.",
+)
 def channel_delay() -> Figure:
     """Draw two angles, one of which is delayed, and the phase of each channel."""
     figure, axes = mosaic("ab")
@@ -119,6 +133,12 @@ def channel_delay() -> Figure:
     return figure
 
 
+@plot(
+    r"y_\mathrm{meas}(t) = y(t - T) \text{ for all channels}",
+    "Left: all channels are shifted by the same 2 ms. Right: command to measured torque with "
+    "and without (grey) the delay; the gain is the same, the phase that a torque loop can use "
+    "is not.",
+)
 def measurement_delay() -> Figure:
     """Draw all channels late by the same time, and the loop phase that is lost."""
     figure, axes = bode(3.1)
@@ -150,6 +170,15 @@ def measurement_delay() -> Figure:
     return figure
 
 
+@plot(
+    (
+        r"v_k = v_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) \left(\frac{q_k - "
+        r"q_{k-1}}{dt} - v_{k-1}\right)"
+    ),
+    "Left: speed from an encoder of 19 bits at 1 kHz; without a filter it jumps by one step "
+    "per sample. Right: gain and phase relative to an ideal derivative; points are simulated, "
+    "lines are the discrete filter, half a sample of delay included.",
+)
 def velocity_differentiation() -> Figure:
     """Draw a differentiated encoder, and its frequency response against the true speed."""
     figure, axes = bode(3.1)
@@ -183,6 +212,12 @@ def velocity_differentiation() -> Figure:
     return figure
 
 
+@plot(
+    r"y_k = y_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) (\tau_k - y_{k-1})",
+    "Left: torque after a step. Right: gain and phase from true to measured torque; points are "
+    "simulated, solid lines are the discrete filter, dotted the analog low pass, from which it "
+    "departs towards half the sampling rate.",
+)
 def torque_filter() -> Figure:
     """Draw a filtered step, and the filter's frequency response."""
     figure, axes = bode(3.1)
@@ -205,47 +240,3 @@ def torque_filter() -> Figure:
     axes["g"].axhline(-3.01, color=GREY, lw=0.6)
     axes["g"].set_title("measured per true torque")
     return figure
-
-
-PLOTS = (
-    Plot(
-        r"\tau_\mathrm{meas}(t) = \tau(t - T)",
-        "Left: torque after a step; samples lie on the true torque shifted by the delay, also by a "
-        "fraction of the sample. Right: phase from true to measured torque; the gain stays one.",
-        torque_delay,
-    ),
-    Plot(
-        (
-            r"y_\mathrm{meas}(t) = y(t - T_y), \text{ for a velocity together with its "
-            r"angle}"
-        ),
-        "Left: in steady rotation a late encoder reads too little by speed times delay; the "
-        "difference of two that are unequally late looks like a deflection. Right: phase from true "
-        "to measured angle, in proportion to frequency and each channel's delay.",
-        channel_delay,
-    ),
-    Plot(
-        r"y_\mathrm{meas}(t) = y(t - T) \text{ for all channels}",
-        "Left: all channels are shifted by the same 2 ms. Right: command to measured torque with "
-        "and without (grey) the delay; the gain is the same, the phase that a torque loop can use "
-        "is not.",
-        measurement_delay,
-    ),
-    Plot(
-        (
-            r"v_k = v_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) \left(\frac{q_k - "
-            r"q_{k-1}}{dt} - v_{k-1}\right)"
-        ),
-        "Left: speed from an encoder of 19 bits at 1 kHz; without a filter it jumps by one step "
-        "per sample. Right: gain and phase relative to an ideal derivative; points are simulated, "
-        "lines are the discrete filter, half a sample of delay included.",
-        velocity_differentiation,
-    ),
-    Plot(
-        r"y_k = y_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) (\tau_k - y_{k-1})",
-        "Left: torque after a step. Right: gain and phase from true to measured torque; points are "
-        "simulated, solid lines are the discrete filter, dotted the analog low pass, from which it "
-        "departs towards half the sampling rate.",
-        torque_filter,
-    ),
-)

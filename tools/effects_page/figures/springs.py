@@ -12,7 +12,7 @@ from scipy.special import ellipk
 from cjt_gym.joint.arrays import MEMORY
 from cjt_gym.joint.spring_table import spring_rows, table_torque
 from tools.effects_page.bench import Floats, blocked, joint
-from tools.effects_page.plot import Plot
+from tools.effects_page.plot import plot
 from tools.effects_page.style import BLUE, GREY, LAW, NOMINAL, POINTS, RED, label, mosaic
 
 K_B, MASS, DAMPING = 6000.0, 0.3017, 2.2036
@@ -60,6 +60,13 @@ def backbone(k_3: float, amplitude: Floats) -> Floats:
     return np.asarray(np.sqrt((K_B + hard) / MASS) / (4.0 * ellipk(m)), dtype=np.float64)
 
 
+@plot(
+    r"\tau = k_b x + k_3 x^3 + d_{gl}\,\dot x, \quad x = q_g - q_l",
+    "Left: torque over deflection. Right: forced response at blocked output; the resonance "
+    "leans towards higher frequencies, and slow sweeps up and down jump at different "
+    "frequencies. Line: first-harmonic balance of Duffing's oscillator; dashed: free frequency "
+    "over amplitude from the elliptic integral.",
+)
 def hardening() -> Figure:
     """Draw torque over deflection and the bent resonance with its jumps."""
     figure, axes = mosaic("ab", 3.0, width_ratios=(0.8, 1.0))
@@ -87,6 +94,12 @@ def hardening() -> Figure:
     return figure
 
 
+@plot(
+    r"\tau = \mathrm{scale} \cdot T(x) + d_{gl}\,\dot x, \quad x = q_g - q_l",
+    "Left: a monotone cubic (PCHIP) through four measured points, which count for both "
+    "directions; simulated, and the linear spring in grey. Right: its stiffness; beyond the "
+    "last point it stays.",
+)
 def spring_table() -> Figure:
     """Draw measured points, the curve through them, and stiffness over deflection."""
     figure, axes = mosaic("ab")
@@ -118,6 +131,20 @@ def paths(*turns: float) -> Floats:
     return np.concatenate([[0.0], *pieces])
 
 
+@plot(
+    (
+        r"\text{Bouc-Wen: } \tau = k_b x + \tau_h z, \quad \delta_h\,dz = dx - "
+        r"\tfrac{1}{2} (|dx| z + dx |z|)"
+        "\n"
+        r"\text{Maxwell slip: } \tau = k_b x + \sum_j k_j z_j, \quad dz_j = dx "
+        r"\text{ while } |z_j| < z_{j,\mathrm{max}}, \text{ else } 0"
+    ),
+    "Torque beyond that of the linear spring over deflection: major loop (grey) and a path "
+    "with an inner loop that is run through twice (blue). With Bouc-Wen the inner loop does "
+    "not close and drifts; with Maxwell slip it closes, and the major loop continues "
+    "as if it had not been there (wiping-out). Dashed: +- tau_h; dotted: closed form of the "
+    "rising branch, which Maxwell slip follows in straight pieces.",
+)
 def spring_hysteresis() -> Figure:
     """Draw major and minor loops of both models."""
     figure, axes = mosaic("ab", 3.1, sharey=True)
@@ -144,37 +171,3 @@ def spring_hysteresis() -> Figure:
         axes[key].set_ylim(-2.2, 2.8)
     axes["a"].legend(loc="upper center", ncols=3, columnspacing=1.0, handlelength=1.2)
     return figure
-
-
-PLOTS = (
-    Plot(
-        r"\tau = k_b x + k_3 x^3 + d_{gl}\,\dot x, \quad x = q_g - q_l",
-        "Left: torque over deflection. Right: forced response at blocked output; the resonance "
-        "leans towards higher frequencies, and slow sweeps up and down jump at different "
-        "frequencies. Line: first-harmonic balance of Duffing's oscillator; dashed: free frequency "
-        "over amplitude from the elliptic integral.",
-        hardening,
-    ),
-    Plot(
-        (r"\tau = \mathrm{scale} \cdot T(x) + d_{gl}\,\dot x, \quad x = q_g - q_l"),
-        "Left: a monotone cubic (PCHIP) through four measured points, which count for both "
-        "directions; simulated, and the linear spring in grey. Right: its stiffness; beyond the "
-        "last point it stays.",
-        spring_table,
-    ),
-    Plot(
-        (
-            r"\text{Bouc-Wen: } \tau = k_b x + \tau_h z, \quad \delta_h\,dz = dx - "
-            r"\tfrac{1}{2} (|dx| z + dx |z|)"
-            "\n"
-            r"\text{Maxwell slip: } \tau = k_b x + \sum_j k_j z_j, \quad dz_j = dx "
-            r"\text{ while } |z_j| < z_{j,\mathrm{max}}, \text{ else } 0"
-        ),
-        "Torque beyond that of the linear spring over deflection: major loop (grey) and a path "
-        "with an inner loop that is run through twice (blue). With Bouc-Wen the inner loop does "
-        "not close and drifts; with Maxwell slip it closes, and the major loop continues "
-        "as if it had not been there (wiping-out). Dashed: +- tau_h; dotted: closed form of the "
-        "rising branch, which Maxwell slip follows in straight pieces.",
-        spring_hysteresis,
-    ),
-)
