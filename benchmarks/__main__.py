@@ -31,8 +31,7 @@ def main() -> None:
         policy.table,
         startup.table,
         redraw.table,
-        costs.redraw_table,
-        costs.effect_table,
+        costs.table,
     ):
         table = measure()
         if table is None:
