@@ -12,55 +12,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.joint import STRUCTURES, JointFile, JointParameters, Quantity, to_toml
+from cjt_gym.joint.parameter_table import PARAMETERS
+
 HERE: Final = Path(__file__).parent
 Array = NDArray[Any]
 Value = float | list[float]
 
-STRUCTURES: Final = (
-    "full_dynamics",
-    "rigid_gearbox",
-    "rigid",
-    "output_fixed",
-    "output_fixed_rigid_gearbox",
+SYMBOLS: Final = (
+    *("I_m", "I_g", "I_l", "k_g", "k_b", "d_mg", "d_gl", "n", "k_t", "r", "l_a", "p", "v_0", "i_p"),
+    *(f"d_{kind}{body}{way}" for kind in ("", "c") for body in "mgl" for way in ("", "_n")),
 )
-BODIES_OF: Final[dict[str, tuple[tuple[int, ...], ...]]] = {
-    "full_dynamics": ((0,), (1,), (2,)),
-    "rigid_gearbox": ((0, 1), (2,)),
-    "rigid": ((0, 1, 2),),
-    "output_fixed": ((0,), (1,)),
-    "output_fixed_rigid_gearbox": ((0, 1),),
-}
-"""For each coordinate of a structure the bodies (motor 0, gear 1, load 2) that move with it."""
-
-UNITS: Final = {
-    "I_m": "kg m^2",
-    "I_g": "kg m^2",
-    "I_l": "kg m^2",
-    "k_g": "N m/rad",
-    "k_b": "N m/rad",
-    "d_m": "N m s/rad",
-    "d_g": "N m s/rad",
-    "d_l": "N m s/rad",
-    "d_m_n": "N m s/rad",
-    "d_g_n": "N m s/rad",
-    "d_l_n": "N m s/rad",
-    "d_mg": "N m s/rad",
-    "d_gl": "N m s/rad",
-    "d_cm": "N m",
-    "d_cg": "N m",
-    "d_cl": "N m",
-    "d_cm_n": "N m",
-    "d_cg_n": "N m",
-    "d_cl_n": "N m",
-    "n": "-",
-    "k_t": "N m/A",
-    "r": "Ohm",
-    "l_a": "H",
-    "p": "-",
-    "v_0": "V",
-    "i_p": "A",
-}
-"""The parameters that dynamics and drives need, and their units in a joint file."""
+"""The parameters that dynamics and drives need."""
 
 
 def oracle_sets() -> tuple[str, ...]:
@@ -75,22 +38,22 @@ def oracle_parameters(name: str) -> dict[str, Value]:
 
 
 def oracle_numbers(name: str) -> dict[str, float]:
-    """Return those parameters of a set that :data:`UNITS` names, all of them plain numbers."""
+    """Return those parameters of a set that :data:`SYMBOLS` names, all of them plain numbers."""
     values = oracle_parameters(name)
-    return {symbol: _number(values[symbol]) for symbol in UNITS}
+    return {symbol: _number(values[symbol]) for symbol in SYMBOLS}
 
 
 def write_joint(path: Path, name: str, replace: Mapping[str, float] | None = None) -> Path:
     """Write a parameter set as a joint file, with some values replaced; return its path."""
     values = oracle_numbers(name) | dict(replace or {})
-    lines = [f'name = "{path.stem}"', 'source = "golden parameter set"', "", "[parameters]"]
-    for symbol, value in values.items():
-        mark = ", asymmetric = true" if symbol.endswith("_n") else ""
-        unit = UNITS[symbol]
-        lines.append(
-            f'{symbol} = {{ value = {value!r}, unit = "{unit}", source = "golden"{mark} }}'
+    quantities = {
+        symbol: Quantity(
+            value, PARAMETERS[symbol].units["rotary"][0], asymmetric=symbol.endswith("_n")
         )
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        for symbol, value in values.items()
+    }
+    parameters = JointParameters(path.stem, "golden parameter set", quantities)
+    path.write_text(to_toml(JointFile(parameters)), encoding="utf-8")
     return path
 
 
@@ -179,23 +142,19 @@ def ripple_rows(term: str, kind: int) -> dict[str, tuple[float, ...]]:
 
 def bodies_of(structure: str, states: Array) -> Array:
     """Return a structure's states, (n, order), as angles and velocities of the bodies, (n, 6)."""
-    groups = BODIES_OF[structure]
-    size, order = len(groups), states.shape[1]
-    result = np.zeros((len(states), 6))
-    for k, group in enumerate(groups):
-        for body in group:
-            result[:, body] = states[:, k]
-            result[:, 3 + body] = states[:, order - size + k]
-    if structure.startswith("output_fixed"):
-        result[:, 2] = states[:, size]
+    row, result = STRUCTURES[structure], np.zeros((len(states), 6))
+    for body, group in enumerate(row.groups):
+        if group >= 0:
+            result[:, body] = states[:, group]
+            result[:, 3 + body] = states[:, row.order - row.size + group]
+        else:
+            result[:, body] = states[:, row.size]
     return result
 
 
 def reduce_torque(structure: str, torque: Array) -> Array:
     """Return torques on the bodies, shape (..., 3), summed over the bodies that move together."""
-    return np.stack(
-        [torque[..., list(group)].sum(axis=-1) for group in BODIES_OF[structure]], axis=-1
-    )
+    return np.asarray(torque @ STRUCTURES[structure].selection)
 
 
 @dataclass(frozen=True)
@@ -236,49 +195,34 @@ class Trajectory:
 def mechanical_trajectories(nonlinear_ones: bool) -> tuple[Trajectory, ...]:
     """Return the 45 linear or the 38 nonlinear trajectories that are driven by a motor torque."""
     rows = _json("trajectories.json")["mechanical"]
-    return tuple(_mechanical(row) for row in rows if bool(row["effects"]) == nonlinear_ones)
+    return tuple(
+        _trajectory(row, row["input"], "x")
+        for row in rows
+        if bool(row["effects"]) == nonlinear_ones
+    )
 
 
 def electrical_trajectories() -> tuple[Trajectory, ...]:
     """Return the six trajectories that are driven by a voltage."""
-    return tuple(_electrical(row) for row in _json("trajectories.json")["electrical"])
+    rows = _json("trajectories.json")["electrical"]
+    return tuple(_trajectory(row, f"electrical/u/{row['name']}", "electrical/x") for row in rows)
 
 
-def _mechanical(row: Mapping[str, Any]) -> Trajectory:
-    archive = _npz("trajectories.npz")
-    states = bodies_of(row["structure"], archive["x/" + row["name"]])
-    none = np.empty(0)
-    return Trajectory(
-        row["name"],
-        row["joint"],
-        row["structure"],
-        tuple(row["effects"]),
-        row["dt"],
-        row["every"],
-        archive[row["input"]],
-        states,
-        row["ripple"],
-        "current",
-        none,
-        none,
-    )
-
-
-def _electrical(row: Mapping[str, Any]) -> Trajectory:
-    archive, name = _npz("trajectories.npz"), row["name"]
+def _trajectory(row: Mapping[str, Any], inputs: str, states: str) -> Trajectory:
+    archive, name, none = _npz("trajectories.npz"), row["name"], np.empty(0)
     return Trajectory(
         name,
         row["joint"],
         row["structure"],
-        (),
+        tuple(row.get("effects", ())),
         row["dt"],
         row["every"],
-        archive["electrical/u/" + name],
-        bodies_of(row["structure"], archive["electrical/x/" + name]),
-        {},
-        row["drive"],
-        archive["electrical/i/" + name],
-        archive["electrical/tau_m/" + name],
+        archive[inputs],
+        bodies_of(row["structure"], archive[f"{states}/{name}"]),
+        row.get("ripple", {}),
+        row.get("drive", "current"),
+        archive.get(f"electrical/i/{name}", none),
+        archive.get(f"electrical/tau_m/{name}", none),
     )
 
 

@@ -29,6 +29,7 @@ from cjt_gym.plant import Measurement
 Floats = NDArray[np.float64]
 VECTORS = np.load(Path(__file__).parent / "controllers.npz")
 DT = 1e-3
+MODEL = SampledJoint(load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={}), DT)
 PIDS = {
     "pid1": (0.3, 2.0, 0.005, "reference", True),
     "pid2": (2.0, 0.0, 0.01, "tau", True),
@@ -53,17 +54,14 @@ def run(law: LinearLaw) -> Floats:
     return np.array([controller.act(measurement(k), r[k : k + 1])[0] for k in range(len(r))])
 
 
-def linear(name: str, model: SampledJoint, **gains: float) -> LinearLaw:
-    law = make_controller(name, model.joint, model.dt, gains).linear
+def linear(name: str, **gains: float) -> LinearLaw:
+    law = make_controller(name, MODEL.joint, DT, gains).linear
     assert law is not None
     return law
 
 
 def same(found: Floats, expected: Floats) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-
-
-MODEL = SampledJoint(load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={}), DT)
 
 
 @pytest.mark.parametrize("case", PIDS)
@@ -84,7 +82,7 @@ def test_pd_with_feedforward_agrees_with_the_toolbox() -> None:
 
 
 def test_integral_with_feedforward_agrees_with_the_toolbox() -> None:
-    same(run(linear("integral_feedforward", MODEL, ki=10.0)), VECTORS["iff"])
+    same(run(linear("integral_feedforward", ki=10.0)), VECTORS["iff"])
 
 
 def test_passivity_based_control_agrees_with_the_toolbox() -> None:
@@ -94,10 +92,9 @@ def test_passivity_based_control_agrees_with_the_toolbox() -> None:
 
 def test_the_momentum_observer_agrees_with_the_toolbox() -> None:
     """The toolbox's forward Euler with L = 2 pi 25 has the pole of a slightly faster observer."""
-    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
     gain = 2.0 * math.pi * 25.0
     bandwidth = -math.log(1.0 - gain * DT) / (2.0 * math.pi * DT)
-    observer = momentum_observer(SampledJoint(joint, DT), bandwidth)
+    observer = momentum_observer(MODEL, bandwidth)
     observer.step(measurement(None), np.zeros(1), np.ones(1, dtype=np.bool_))
     nobody, found, sent = np.zeros(1, dtype=np.bool_), [], np.zeros(1)
     for k in range(len(VECTORS["gm"])):
@@ -108,20 +105,15 @@ def test_the_momentum_observer_agrees_with_the_toolbox() -> None:
 
 def test_two_of_the_toolboxs_examples_are_unstable_without_dry_friction() -> None:
     """Example 3 integrates with 10 1/s, Example 10 observes with 25 Hz; less is stable."""
-    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
-    model = SampledJoint(joint, DT)
-    laws = [linear("integral_feedforward", model, ki=ki) for ki in (10.0, 5.0)]
-    laws += [linear("momentum_dob", model, bandwidth_hz=hz) for hz in (25.0, 5.0)]
-    found = [is_stable(model.loop, law) for law in laws]
+    laws = [linear("integral_feedforward", ki=ki) for ki in (10.0, 5.0)]
+    laws += [linear("momentum_dob", bandwidth_hz=hz) for hz in (25.0, 5.0)]
+    found = [is_stable(MODEL.loop, law) for law in laws]
     assert found == [False, True, False, True]
 
 
 def test_the_inverse_of_the_joint_agrees_with_the_toolbox() -> None:
     """P^-1 Q at 80 Hz by the bilinear rule; the toolbox's own Q has another gain at rest."""
-    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
-    a, b, c, d = tustin(
-        inverse_times(SampledJoint(joint, DT).torque, low_pass(2, 80.0), "joint"), DT
-    )
+    a, b, c, d = tustin(inverse_times(MODEL.torque, low_pass(2, 80.0), "joint"), DT)
     z = np.exp(2j * math.pi * DT * np.geomspace(0.1, 490.0, 60))
     found = [c @ np.linalg.solve(one * np.eye(len(b)) - a, b) + d for one in z]
     expected = np.polyval(VECTORS["dob_num"], z) / np.polyval(VECTORS["dob_den"], z)
@@ -129,8 +121,7 @@ def test_the_inverse_of_the_joint_agrees_with_the_toolbox() -> None:
 
 
 def test_the_loop_inside_an_outer_observer_agrees_with_the_toolbox() -> None:
-    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
-    loop = closed_plant(SampledJoint(joint, DT), 0.1, 0.001)
+    loop = closed_plant(MODEL, 0.1, 0.001)
     s = 2j * math.pi * np.geomspace(0.1, 500.0, 60)
     found = [loop.gain * np.prod(one - loop.zeros) / np.prod(one - loop.poles) for one in s]
     expected = np.polyval(VECTORS["loop_num"], s) / np.polyval(VECTORS["loop_den"], s)
