@@ -45,23 +45,6 @@ def states(record: Record) -> Floats:
     return np.column_stack([record[f"true_{name}"] for name in STATES])
 
 
-def stored_energy(joint: Joint, x: Floats) -> Floats:
-    """Return kinetic and elastic energy of the joint for states of shape (n, 6) [J].
-
-    The load counts where it is free; where its motion is prescribed it belongs to the outside.
-    """
-    p, row = joint.parameters, joint.structure_row
-    motor, gear, load = row.groups
-    energy = 0.5 * p.I_m * x[:, 3] ** 2 + 0.5 * p.I_g * x[:, 4] ** 2
-    if not row.output_fixed:
-        energy += 0.5 * p.I_l * x[:, 5] ** 2
-    if motor != gear:
-        energy += 0.5 * p.k_g * (x[:, 0] - x[:, 1]) ** 2
-    if gear != load:
-        energy += 0.5 * p.k_b * (x[:, 1] - x[:, 2]) ** 2
-    return np.asarray(energy)
-
-
 def stiffness_number(joint: Joint, h: float) -> float:
     """Return a bound on (omega h)**2 for the fastest mode."""
     p = joint.parameters
@@ -212,6 +195,8 @@ def traced(
 
 def total_energy(joint: Joint, x: Floats, memory: Floats | None = None) -> Floats:
     """Return what a joint holds with all its effects [J], shape (n,).
+
+    The load counts where it is free; where its motion is prescribed it belongs to the outside.
 
     Kinetic energy, springs with play and hardening, weight, contact, and what bristles and
     hysteresis could give back: sigma z^2 / 2, sum_j k_j z_j^2 / 2, tau_h delta_h zeta^2 / 2.

@@ -23,7 +23,7 @@ from tests.physics.cases import (
     log_range,
     states,
     stiffness_number,
-    stored_energy,
+    total_energy,
     valid_parameters,
 )
 
@@ -47,7 +47,7 @@ def test_a_joint_left_alone_never_gains_energy(
 ) -> None:
     joint = load_joint("generic", structure, effects=effects, parameters=parameters)
     record = joint.simulate(np.zeros(200), dt=h, dt_physics=h, x0=initial_state(seed))
-    energy = stored_energy(joint, states(record))
+    energy = total_energy(joint, states(record))
     assert np.diff(energy).max() <= rounding(joint, h) * energy[0]
 
 
@@ -58,7 +58,7 @@ def test_a_shorted_motor_without_inductance_only_brakes(
 ) -> None:
     joint = load_joint("generic", structure, "static", effects={}, parameters=parameters)
     record = joint.simulate(voltage=np.zeros(200), dt=h, dt_physics=h, x0=initial_state(seed))
-    energy = stored_energy(joint, states(record))
+    energy = total_energy(joint, states(record))
     assert np.diff(energy).max() <= rounding(joint, h) * energy[0]
 
 
@@ -79,7 +79,7 @@ def test_a_free_load_takes_no_more_energy_than_motor_and_port_supply(
     joint = load_joint("generic", structure, effects=effects, parameters=parameters)
     record = joint.simulate(tau_m, tau_l, dt=h, dt_physics=h, x0=initial_state(seed))
     x = states(record)
-    energy, moved = stored_energy(joint, x), np.diff(x, axis=0)
+    energy, moved = total_energy(joint, x), np.diff(x, axis=0)
     supplied = tau_m[:-1] * moved[:, 0] + tau_l[:-1] * moved[:, 2]
     scale = energy.max() + np.abs(supplied).max()
     rounded_angles = EPS * np.abs(x[:, :3]).max() * (np.abs(tau_m) + np.abs(tau_l)).max()
@@ -114,7 +114,7 @@ def test_any_load_motion_extracts_at_most_the_stored_energy(
     joint = load_joint("generic", structure, effects=effects, parameters=parameters)
     record = joint.simulate(tau_m, dq_l, dt=h, dt_physics=h, x0=initial_state(seed))
     x = states(record)
-    energy = stored_energy(joint, x)
+    energy = total_energy(joint, x)
     extracted = np.cumsum(mean_joint_torque(joint, x, tau_m, h) * dq_l[:-1]) * h
     spread = energy.max() + np.abs(extracted).max()
     assert (extracted + energy[1:] - energy[0]).max() <= 1e-9 * spread
@@ -129,7 +129,7 @@ def test_sharp_friction_is_passive_at_the_load(name: str, structure: str) -> Non
     dq_l = 0.3 * np.sin(2 * np.pi * 7.0 * t) + 0.2 * np.sin(2 * np.pi * 31.0 * t)
     joint = load_joint(name, structure, effects={"coulomb": {"dq_0": 0.0}})
     record = joint.simulate(np.zeros(steps), dq_l, dt=h, dt_physics=h, x0=initial_state(1))
-    energy, tau = stored_energy(joint, states(record)), record["true_tau"]
+    energy, tau = total_energy(joint, states(record)), record["true_tau"]
     extracted = np.cumsum(0.5 * (tau[1:] + tau[:-1]) * dq_l[:-1]) * h
     assert (extracted + energy[1:] - energy[0]).max() <= 1e-3 * energy[0]
 
@@ -146,7 +146,7 @@ def drift(structure: str, h: float) -> float:
     x = states(joint.simulate(np.zeros(steps), dt=h, dt_physics=h, x0=x0))
     angle = np.outer(x[:, 0], f)
     potential = (-np.sin(angle) * a / f + np.cos(angle) * b / f).sum(axis=1)
-    energy = stored_energy(joint, x) + potential
+    energy = total_energy(joint, x) + potential
     return float(np.abs(energy - energy[0]).max() / np.ptp(potential))
 
 
