@@ -48,12 +48,6 @@ def test_the_page_names_every_key_of_an_entry() -> None:
     assert all(f"`{key}" in TEXT for key in QUANTITY_KEYS)
 
 
-def test_its_examples_run(capsys: pytest.CaptureFixture[str]) -> None:
-    (example,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    exec(compile(example, "joint_files.md", "exec"), {})
-    assert capsys.readouterr().out == 'structure = "rigid_gearbox"\n'
-
-
 def test_the_drawing_has_the_symbols_of_the_joint() -> None:
     drawing = ElementTree.parse(ROOT / "docs" / "figures" / "joint.svg")
     words = "".join(drawing.getroot().itertext())
