@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
+from cjt_gym.blind import Case, draw_case
 from cjt_gym.blind.plant import STRUCTURES, Drive, Floats, Plant, World
 
 PLANT = Plant(
@@ -32,3 +35,22 @@ def two_tones(samples: int, size: float = 1.0) -> Floats:
     """Return a current that goes through zero slowly and quickly [A], shape (samples,)."""
     t = np.arange(samples) * 1e-3
     return size * (4.0 * np.sin(2 * np.pi * 7.0 * t) + 1.5 * np.sin(2 * np.pi * 23.0 * t))
+
+
+@cache
+def short(
+    seed: int = 4,
+    effect: str = "coulomb",
+    strength: float = 1.0,
+    structure: str = "output_fixed_rigid_gearbox",
+) -> Case:
+    """Return a case of two seconds with one effect, in an open loop."""
+    return draw_case(
+        seed,
+        effects=[effect],
+        structure=structure,
+        excitation="composite",
+        closed_loop=False,
+        strength=strength,
+        duration=2.0,
+    )

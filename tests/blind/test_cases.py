@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cjt_gym.blind import SMALL, Case, draw_case, write_case
+from cjt_gym.blind import SMALL, draw_case, write_case
 from cjt_gym.blind.excitation import DRAWN, excitation
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint.files import load_joint_file
 from cjt_gym.records import read_record
+from tests.blind.joints import short
 
 FILES = {"nominal.toml", "diagnose.npz", "diagnose.toml", "validate.npz", "validate.toml"}
-
-
-@functools.cache
-def short(seed: int = 4, effect: str = "coulomb") -> Case:
-    return draw_case(
-        seed,
-        effects=[effect],
-        structure="output_fixed_rigid_gearbox",
-        excitation="composite",
-        closed_loop=False,
-        duration=2.0,
-    )
 
 
 def test_same_seed_same_case() -> None:
@@ -115,17 +103,9 @@ def test_closed_loop_follows_its_reference(structure: str) -> None:
 
 
 def test_small_effects_are_a_tenth() -> None:
-    small = draw_case(
-        4,
-        effects=["coulomb"],
-        structure="output_fixed_rigid_gearbox",
-        excitation="composite",
-        closed_loop=False,
-        strength=SMALL,
-        duration=2.0,
-    )
     whole = short().label["parameters"]["coulomb"]["d_cm"]
-    assert small.label["parameters"]["coulomb"]["d_cm"] == pytest.approx(0.1 * whole)
+    small = short(strength=SMALL).label["parameters"]["coulomb"]["d_cm"]
+    assert small == pytest.approx(0.1 * whole)
 
 
 def test_mistakes_are_named() -> None:

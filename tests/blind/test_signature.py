@@ -7,23 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cjt_gym.blind import draw_case
 from cjt_gym.blind.case import settled
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.blind.signature import VISIBLE, active
-from tests.blind.joints import PLANT, world
+from tests.blind.joints import PLANT, short, world
 
 
 def signature(effect: str, strength: float = 1.0, structure: str = "rigid_gearbox") -> float:
-    label = draw_case(
-        6,
-        effects=[effect],
-        structure=structure,
-        excitation="composite",
-        closed_loop=False,
-        strength=strength,
-        duration=2.0,
-    ).label
+    label = short(6, effect, strength, structure).label
     assert set(label["signature"]) == {effect}
     return float(label["signature"][effect])
 
@@ -72,13 +63,6 @@ def test_free_joint_is_let_go() -> None:
 
 
 def test_offset_does_not_swing_the_record() -> None:
-    case = draw_case(
-        6,
-        effects=["torque_offset"],
-        structure="output_fixed_rigid_gearbox",
-        excitation="composite",
-        closed_loop=False,
-        duration=2.0,
-    )
+    case = short(6, "torque_offset")
     rest = case.diagnose.columns["tau"][:450]
     assert np.std(rest) < 4.0 * case.sheet.noise[4]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,10 @@ from cjt_gym.joint import (
     Effect,
     EffectParameter,
     Joint,
+    Quantity,
     load_joint,
     load_joint_file,
+    to_toml,
 )
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.effects import PLACES, body_of
@@ -172,15 +175,10 @@ def test_it_acts_in_its_stage(effect: Effect) -> None:
 def test_a_joint_file_can_list_it(effect: Effect, tmp_path: Any) -> None:
     """A file with the effect gives the same joint as the argument."""
     values = typical(effect)
-    lines = [f'name = "{NAME}"', 'source = "test"', "[parameters]"]
-    for symbol, q in load_joint_file(NAME).parameters.quantities.items():
-        lines.append(f'{symbol} = {{ value = {q.value!r}, unit = "{q.unit}" }}')
-    lines.append(f"[effects.{effect.name}]")
-    for p in effect.parameters:
-        value = list(values[p.symbol]) if p.series else values[p.symbol]
-        lines.append(f'{p.symbol} = {{ value = {value}, unit = "{p.unit}" }}')
+    entries = {p.symbol: Quantity(values[p.symbol], p.unit) for p in effect.parameters}
+    file = replace(load_joint_file(NAME), effects={effect.name: entries})
     path = tmp_path / "listed.toml"
-    path.write_text("\n".join(lines))
+    path.write_text(to_toml(file))
     given = made(effect, {effect.name: values})
     listed = load_joint(path, given.structure, given.drive)
     assert listed.effects == given.effects
