@@ -146,17 +146,7 @@ def test_weight_and_contact_conserve_energy(structure: str, h: float) -> None:
     assert np.abs(energy - energy[0]).max() <= 1e-11 * energy[0]
 
 
-# -------------------------------------------------------------------------- load inertia
-
-
-@pytest.mark.parametrize("structure", FREE)
-def test_another_load_is_that_of_another_joint(structure: str) -> None:
-    tau_m = 10.0 * np.sin(np.arange(200) * 0.1)
-    one = load_joint(NAME, structure, effects={"load_inertia": {"I_l": 0.7}})
-    other = load_joint(NAME, structure, effects={}, parameters={"I_l": 0.7})
-    a, b = (joint.simulate(tau_m, dt_physics=1e-4) for joint in (one, other))
-    for column in a.columns:
-        np.testing.assert_array_equal(a[column], b[column], err_msg=column)
+# ------------------------------------------------------------------------- load friction
 
 
 @pytest.mark.parametrize("structure", FREE)

@@ -325,18 +325,3 @@ def test_gear_ripple_does_not_drive_a_swing_faster_than_the_steps(
     joint = lossless(structure, effects, I_m=0.01, I_g=0.01, I_l=0.02, k_b=2e4, k_g=2e4)
     energy = traced(joint, np.zeros(500), x0=np.array([0.1, 0.1, 0.0, 0.0, 0.0, 0.0])).energy
     assert energy.max() < 2.0 * energy[0]
-
-
-# ------------------------------------------------------------------------- other parameters
-
-
-@pytest.mark.parametrize(("effect", "symbol"), [("stiffness", "k_b"), ("gear_stiffness", "k_g")])
-def test_another_stiffness_is_that_of_another_joint(effect: str, symbol: str) -> None:
-    tau_m = 20.0 * np.sin(np.arange(200) * 0.1)
-    for structure in STRUCTURES.values():
-        if symbol in structure.needed_parameters:
-            one = load_joint(NAME, structure.name, effects={effect: {symbol: 4321.0}})
-            other = load_joint(NAME, structure.name, effects={}, parameters={symbol: 4321.0})
-            a, b = (joint.simulate(tau_m, dt_physics=1e-4) for joint in (one, other))
-            for column in a.columns:
-                np.testing.assert_array_equal(a[column], b[column], err_msg=column)
