@@ -45,6 +45,12 @@ def states(record: Record) -> Floats:
     return np.column_stack([record[f"true_{name}"] for name in STATES])
 
 
+def falls(x: Floats, h: float) -> Floats:
+    """Return the times at which a signal falls through zero, from samples h apart."""
+    down = np.flatnonzero((x[:-1] > 0.0) & (x[1:] <= 0.0))
+    return np.asarray((down + x[down] / (x[down] - x[down + 1])) * h)
+
+
 def stiffness_number(joint: Joint, h: float) -> float:
     """Return a bound on (omega h)**2 for the fastest mode."""
     p = joint.parameters

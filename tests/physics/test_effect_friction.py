@@ -1,4 +1,4 @@
-"""Dry friction with breakaway, bristles and load: curves, closed forms, an integrator, passivity.
+"""Dry friction with breakaway, bristles and load: curves, closed forms, passivity.
 
 Levels are those of `friction.level`: d_c(+/-) + d_s exp(-(dq / v_s)^2) + mu |tau|.
 """
@@ -27,7 +27,6 @@ from tests.physics.cases import (
     traced,
     valid_parameters,
 )
-from tests.physics.independent import EffectJoint
 
 NAME = "orange_80_6000"
 H = 1e-4
@@ -187,48 +186,6 @@ def test_load_friction_holds_what_a_bent_spring_lets_go(body: str) -> None:
             load = net * tau
         x = states(joint.simulate(np.full(30, tau_m), np.full(30, load), dt=H, dt_physics=H, x0=x0))
         assert x[:, 3 + "mgl".index(body)].any() == moves
-
-
-# -------------------------------------------------------------- an independent integrator
-
-
-BRISTLED: Effects = {
-    "presliding": {"d_cm": 2.0, "d_cg": 1.0, "d_cl": 0.5, "sigma_m": 4e3, "sigma_g": 2e3}
-    | {"sigma_l": 1e3, "sigma_1": 3.0},
-    "stribeck": {"d_cm": 0.0, "d_cg": 0.0, "d_cl": 0.0, "d_sm": 1.0, "d_sg": 0.5, "d_sl": 0.2}
-    | {"v_s": 0.1},
-}
-
-
-def reference(joint: Joint) -> EffectJoint:
-    def law(coulomb: float, excess: float) -> object:
-        return lambda v: coulomb + excess * math.exp(-((v / 0.1) ** 2))
-
-    values = {s: q.value for s, q in joint.parameters.quantities.items()}
-    return EffectJoint(
-        values,
-        joint.structure,
-        level=(law(2.0, 1.0), law(1.0, 0.5), law(0.5, 0.2)),  # type: ignore[arg-type]
-        sigma=(4e3, 2e3, 1e3),
-        sigma_1=3.0,
-    )
-
-
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_bristles_against_an_integrator(structure: str) -> None:
-    """Loading, slipping, reversal and return; second order in the step."""
-    joint = load_joint(NAME, structure, effects=BRISTLED, parameters={"I_l": 0.3})
-    tau_m = np.repeat([2.0, 9.0, -9.0, 3.0], 30)
-    load = np.zeros(len(tau_m))
-    x0 = np.zeros(6)
-    exact = reference(joint).states(tau_m, load, 1e-3, x0)[:, :6]
-    peak = np.abs(exact).max(axis=0) + 1e-12
-    error = [
-        (np.abs(states(joint.simulate(tau_m, load, x0=x0, dt_physics=h)) - exact) / peak).max()
-        for h in (2e-4, 1e-4, 1e-5)
-    ]
-    assert error[2] < 1e-4
-    assert error[1] < 0.4 * error[0]
 
 
 # ---------------------------------------------------------------------------- passivity

@@ -11,8 +11,7 @@ from scipy.special import ellipk
 
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.disturbance import TREMOR_DAMPING
-from tests.physics.cases import FIXED, FREE, Effects, Floats, lossless, states, total_energy
-from tests.physics.independent import EffectJoint
+from tests.physics.cases import FIXED, FREE, Effects, Floats, falls, lossless, states, total_energy
 
 NAME = "orange_80_6000"
 INERTIA = 0.23 + 0.0717 + 0.5
@@ -34,9 +33,7 @@ def test_a_pendulum_has_its_period(amplitude: float) -> None:
     samples = round(3.5 * period / h)
     x0 = equal(hang + amplitude, 0.0)
     q = states(joint.simulate(np.zeros(samples), dt=h, dt_physics=h, x0=x0))[:, 2] - hang
-    down = np.flatnonzero((q[:-1] > 0.0) & (q[1:] <= 0.0))
-    crossings = (down + q[down] / (q[down] - q[down + 1])) * h
-    np.testing.assert_allclose(crossings, period * (np.arange(len(down)) + 0.25), rtol=1e-5)
+    np.testing.assert_allclose(falls(q, h), period * (np.arange(4) + 0.25), rtol=1e-5)
 
 
 @pytest.mark.parametrize("structure", FREE)
@@ -94,28 +91,6 @@ def test_restitution_of_hunt_and_crossley(speed: float, damping: float) -> None:
     v_in, v_out = (damping * v for v in (speed, bounced(effects, speed, 1e-5)[-1, 5]))
     assert v_out < 0.0
     assert v_out - math.log1p(v_out) == pytest.approx(v_in - math.log1p(v_in), rel=1e-4)
-
-
-@pytest.mark.parametrize("structure", FREE)
-def test_contact_against_an_integrator(structure: str) -> None:
-    """Pushed against it by motor and weight, bouncing until it rests."""
-    effects: Effects = {
-        "contact": {"stiffness": 2e4, "exponent": 1.5, "damping": 0.7, "position": 0.02},
-        "gravity": {"torque": 15.0},
-    }
-    joint = load_joint(NAME, structure, effects=effects, parameters={"I_l": 0.5})
-    tau_m, load = np.repeat([20.0, 5.0, -8.0], 60), np.zeros(180)
-    values = {s: q.value for s, q in joint.parameters.quantities.items()}
-    reference = EffectJoint(values, structure, weight=15.0, contact=(2e4, 1.5, 0.7, 0.02))
-    exact = reference.states(tau_m, load, 1e-3, np.zeros(6))[:, :6]
-    assert (exact[:, 2] > 0.02).any()
-    error = [
-        (np.abs(states(joint.simulate(tau_m, load, dt_physics=h)) - exact)).max(axis=0)
-        / np.abs(exact).max(axis=0)
-        for h in (1e-4, 1e-5)
-    ]
-    assert error[1].max() < 1e-4
-    assert error[1].max() < 0.3 * error[0].max()
 
 
 @pytest.mark.parametrize("structure", FREE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,22 +18,18 @@ from tests.physics.cases import (
     Effects,
     Floats,
     beyond,
+    falls,
     lossless,
     slip_elements,
     states,
     total_energy,
     traced,
 )
-from tests.physics.independent import EffectJoint
 
 NAME = "orange_80_6000"
 ELASTIC = [name for name in STRUCTURES if name != "rigid"]
 GAP, OFFSET = 4e-3, 3e-4
 PLAY: Effects = {"backlash": {"gap": GAP, "offset": OFFSET}}
-
-
-def values(joint: Joint) -> dict[str, Any]:
-    return {s: q.value for s, q in joint.parameters.quantities.items()}
 
 
 # -------------------------------------------------------------------------------- backlash
@@ -76,9 +71,7 @@ def test_bouncing_in_the_play_has_its_period(structure: str) -> None:
     x0 = np.array([OFFSET, OFFSET, 0.0, speed, speed, 0.0])
     x = states(joint.simulate(np.zeros(round(5.2 * period / h)), dt=h, dt_physics=h, x0=x0))
     y = x[:, 1] - x[:, 2] - OFFSET
-    up = np.flatnonzero((y[:-1] < 0.0) & (y[1:] >= 0.0))
-    crossings = (up - y[up] / (y[up + 1] - y[up])) * h
-    np.testing.assert_allclose(crossings, period * np.arange(1, 6), rtol=1e-5)
+    np.testing.assert_allclose(falls(-y, h), period * np.arange(1, 6), rtol=1e-5)
 
 
 @pytest.mark.parametrize("structure", ELASTIC)
@@ -130,36 +123,6 @@ def test_impacts_against_an_integrator_with_events() -> None:
     assert (np.abs(x - exact).max(axis=0) < 1e-4 * np.abs(exact).max(axis=0)).all()
 
 
-# ------------------------------------------------------------------- against an integrator
-
-CURVES: dict[str, tuple[Effects, dict[str, float]]] = {
-    "backlash": ({"backlash": {"gap": 1e-3}}, {"gap": 1e-3}),
-    "hardening": ({"hardening": {"k_3": 1e8}}, {"k_3": 1e8}),
-    "hysteresis": (
-        {"spring_hysteresis": {"tau_h": 3.0, "delta_h": 1e-3}},
-        {"tau_h": 3.0, "delta_h": 1e-3},
-    ),
-}
-
-
-@pytest.mark.parametrize("structure", ELASTIC)
-@pytest.mark.parametrize("name", CURVES)
-def test_springs_against_an_integrator(name: str, structure: str) -> None:
-    effects, constants = CURVES[name]
-    joint = load_joint(NAME, structure, effects=effects, parameters={"I_l": 0.5, "d_gl": 2.0})
-    tau_m = np.repeat([15.0, -15.0, 4.0], 35)
-    load = np.full(len(tau_m), 0.02 if joint.structure_row.output_fixed else 1.0)
-    reference = EffectJoint(values(joint), structure, **constants)  # type: ignore[arg-type]
-    exact = reference.states(tau_m, load, DT, np.zeros(6))[:, :6]
-    peak = np.abs(exact).max(axis=0) + 1e-9
-    error = [
-        (np.abs(states(joint.simulate(tau_m, load, dt_physics=h)) - exact) / peak).max()
-        for h in (1e-4, 1e-5)
-    ]
-    assert error[1] < 2e-4
-    assert error[1] < 0.3 * error[0]
-
-
 # ------------------------------------------------------------------------------- hardening
 
 
@@ -173,9 +136,7 @@ def test_hardening_has_the_period_of_duffing(amplitude: float) -> None:
     period = 4.0 * ellipk(0.5 * b / (a + b)) / math.sqrt(a + b)
     x0 = np.array([amplitude, amplitude, 0.0, 0.0, 0.0, 0.0])
     x = states(joint.simulate(np.zeros(round(4.5 * period / h)), dt=h, dt_physics=h, x0=x0))[:, 0]
-    down = np.flatnonzero((x[:-1] > 0.0) & (x[1:] <= 0.0))
-    crossings = (down + x[down] / (x[down] - x[down + 1])) * h
-    np.testing.assert_allclose(crossings, period * (np.arange(len(down)) + 0.25), rtol=1e-5)
+    np.testing.assert_allclose(falls(x, h), period * (np.arange(5) + 0.25), rtol=1e-5)
 
 
 # ------------------------------------------------------------------------------ hysteresis
