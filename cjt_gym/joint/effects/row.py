@@ -190,7 +190,7 @@ def body_of(symbol: str) -> str | None:
 
 
 def per_body(
-    stem: str,
+    symbol: str,
     unit: str,
     high: float,
     text: str,
@@ -198,25 +198,31 @@ def per_body(
     typical_of: str = "",
     *,
     fields: tuple[str, ...] | None = None,
-    replaces: bool = False,
+    joint_parameter: str | None = None,
+    relative_to: str | None = None,
 ) -> tuple[EffectParameter, ...]:
     """Return one parameter for each of motor, gear and load.
 
-    Their symbols are `stem` and the letter of the body, which replaces * in `fields`; its name
-    replaces {body} in the text. The typical value is that of the motor, and zero on the others.
-    With `replaces` they take the place of the joint's own of the same names.
+    The letter of the body replaces * in every name, and its name replaces {body} in the text.
+    Kernel parameters are named like the symbol unless `fields` says otherwise. The typical value
+    is that of the motor, and zero on the others.
     """
+
+    def own(name: str | None, letter: str) -> str | None:
+        return name and name.replace("*", letter)
+
     return tuple(
         EffectParameter(
-            f"{stem}{letter}",
+            symbol.replace("*", letter),
             unit,
-            None if replaces else 0.0,
+            None if relative_to else 0.0,
             0.0,
             high,
-            text.format(body=body),
-            tuple(f.replace("*", letter) for f in fields) if fields else (f"{stem}{letter}",),
-            relative_to=f"{stem}{letter}" if replaces else None,
-            default=None if replaces else 0.0,
+            text.replace("*", letter).format(body=body),
+            tuple(field.replace("*", letter) for field in fields or (symbol,)),
+            own(joint_parameter, letter),
+            None if relative_to else 0.0,
+            own(relative_to, letter),
             typical=typical if letter == "m" else 0.0,
             typical_of=typical_of if letter == "m" else "",
         )
