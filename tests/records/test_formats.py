@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from scipy.io import savemat
 
 from cjt_gym.errors import RecordError
 from cjt_gym.records import FORMATS, Record, default_units, read_log, read_record, write_record
+from tests.python import run_python
 
 N = 300
 T = np.arange(N) * 1e-3
@@ -276,11 +276,4 @@ def test_other_formats_are_not_imported_for_a_csv(tmp_path: Path) -> None:
         "import sys; from cjt_gym.records import read_log; read_log('log.csv');"
         "print([m for m in ('h5py', 'mcap', 'pyarrow', 'scipy.io') if m in sys.modules])"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", text],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert run.stdout.strip() == "[]"
+    assert run_python(text, cwd=tmp_path).stdout.strip() == "[]"

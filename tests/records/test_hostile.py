@@ -58,9 +58,7 @@ def nested(path: Path) -> None:
 def blf(path: Path) -> None:
     body = zlib.compress(b"\0" * MUCH)
     head = struct.pack("<4sHHLL", b"LOBJ", 16, 1, 32 + len(body), 10)
-    path.with_suffix(".dbc").write_text(
-        'VERSION ""\nBO_ 1 A: 8 X\n SG_ q_m : 0|8@1+ (1,0) [0|0] "" X\n'
-    )
+    path.with_suffix(".dbc").write_text(DBC)
     path.write_bytes(
         struct.pack("<4sL", b"LOGG", 144).ljust(144, b"\0")
         + head

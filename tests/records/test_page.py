@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 from cjt_gym.records import FORMATS, UNITS
 from cjt_gym.records.mapping import KEYS
 from cjt_gym.records.repair_notes import KINDS
+from tests.python import run_python
 
 PAGE = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)
@@ -18,14 +17,9 @@ BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)
 def test_the_code_of_the_page_runs(tmp_path: Path) -> None:
     (mapping,) = [text for language, text in BLOCKS if language == "toml"]
     (tmp_path / "log.map.toml").write_text(mapping, encoding="utf-8")
-    script = "\n".join(text for language, text in BLOCKS if language == "python")
-    run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", script],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    strict = "import warnings; warnings.simplefilter('error')"
+    script = "\n".join([strict, *(text for language, text in BLOCKS if language == "python")])
+    run = run_python(script, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     lines = run.stdout.splitlines()
     assert lines[0] == "q_m: 1 glitch (0.0333 %) marked as missing."

@@ -35,6 +35,12 @@ class Feature:
         return self.command.startswith(("cjt-gym ", "python "))
 
 
+def _drawn(*calls: str) -> str:
+    drawn = f"plt.figure().subplots(), {ORANGE}.parameters"
+    head = "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt"
+    return "; ".join([head, *(f"plots.{call}".replace("*", drawn) for call in calls)])
+
+
 def _simulated(options: str, joint: str = "orange_80_6000") -> str:
     return f"cjt-gym simulate {joint} --duration 0.2 {options} --out run.csv"
 
@@ -109,22 +115,15 @@ ANALYSIS = (
     Feature("Data sheets", "a PDF sheet with diagrams and parameters",
             "cjt-gym datasheet orange_80_6000 --out orange.pdf", "without LaTeX", slow=True),
     Feature("Data sheets", "a torque-speed diagram in your own figure",
-            "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
-            f"plots.torque_speed(plt.figure().subplots(), {ORANGE}.parameters)"),
+            _drawn("torque_speed(*)")),
     Feature("Data sheets", "efficiency as curves and as a map",
-            "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
-            f"plots.efficiency_curves(plt.figure().subplots(), {ORANGE}.parameters, [2.0, 5.0]); "
-            f"plots.efficiency_map(plt.figure().subplots(), {ORANGE}.parameters)"),
+            _drawn("efficiency_curves(*, [2.0, 5.0])", "efficiency_map(*)")),
     Feature("Data sheets", "heat: final temperatures, and how long a torque can be held",
-            "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
-            f"plots.final_temperature(plt.figure().subplots(), {ORANGE}.parameters); "
-            f"plots.time_held(plt.figure().subplots(), {ORANGE}.parameters)"),
+            _drawn("final_temperature(*)", "time_held(*)")),
     Feature("Data sheets", "torque bandwidth over the load inertia",
-            "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
-            f"plots.torque_with_load(plt.figure().subplots(), {ORANGE}.parameters)"),
+            _drawn("torque_with_load(*)")),
     Feature("Data sheets", "torque bandwidth with a locked output, including thermal limits",
-            "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
-            f"plots.holding(plt.figure().subplots(), {ORANGE}.parameters)"),
+            _drawn("holding(*)")),
     Feature("Data sheets", "a comparison of joints",
             "cjt-gym datasheet orange_80_6000 lemon_50_6000 --out both.html", slow=True),
 )  # fmt: skip
