@@ -39,7 +39,8 @@ def run(options: argparse.Namespace) -> Answer:
     n = None if joint is None else joint.gear_ratio
     records, repairs = read_log(options.record, options.mapping, n=n)
     found = examine(records, joint, structure)
-    taken = (repair.text for repair in repairs if repair.kind == "unit")
+    known = {*found.faults, *found.notes}
+    taken = (r.text for r in repairs if r.kind == "unit" and r.text not in known)
     found = replace(found, notes=(*found.notes, *taken))
     return to_json(found), in_words(found, WIDTH)
 

@@ -70,11 +70,7 @@ def diagnose(
         _check_rate(record)
     exam = examine(given, file, shape)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
-        raise RecordError(
-            f"{first.owner}: nothing moves by more than its noise, so that the record cannot tell "
-            "what moves the joint. Record motion: drive the joint far enough that it turns by a "
-            "thousand counts. cjt-gym check says what else to record."
-        )
+        raise _nothing_moves(first)
     repeated = {name: command for one in given for name, command in copies(one).items()}
     given, held = in_step(measured_only(given), measured_only(held), file, shape)
     whole = stretches(given)
@@ -82,12 +78,24 @@ def diagnose(
         turnable = len(given) == len(held) == 1
         found, ask = by_stages(whole, stretches(held), file, shape, progress, turnable=turnable)
         open_ = found.suggestion
-        found = judged(replace(found, examination=exam), given, held, file, shape, progress)
+        found = replace(found, examination=exam)
+        if exam.at_rest and not found.effects:
+            raise _nothing_moves(first)
+        if not exam.at_rest:  # at rest only the drive can be told, and nothing can be predicted
+            found = judged(found, given, held, file, shape, progress)
         if ask is not None and found.suggestion is open_:
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
     return remarked(found, given, whole, shape, repeated)
+
+
+def _nothing_moves(record: Record) -> RecordError:
+    return RecordError(
+        f"{record.owner}: nothing moves by more than its noise, so that the record cannot tell "
+        "what moves the joint. Record motion: drive the joint far enough that it turns by a "
+        "thousand counts. cjt-gym check says what else to record."
+    )
 
 
 def _check_rate(record: Record) -> None:

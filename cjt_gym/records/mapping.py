@@ -262,6 +262,6 @@ def _gear(what: str, given: Mapping[str, Any], si: str, n: float | None) -> floa
     if n is None:
         raise RecordError(
             f"{what} is on the motor's side and needs the gear ratio: a line  n = ...  at the top, "
-            'or  joint = "..."  with a joint that has n, or --joint on the command line.'
+            'or  joint = "..."  with a joint that has n, or --joint where a command takes it.'
         )
     return float(n ** GEARED[si])

@@ -12,6 +12,7 @@ from math import pi
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError
@@ -29,6 +30,8 @@ INERT = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 """Those that masses keep from jumping."""
 PULSED_BY = ("i_cmd", "tau_cmd", "v")
 """Columns whose pulses make those of the current."""
+LIKE_ITS_COMMAND = 3.0
+"""Pulse of a current, in its spread, over that of its command in its own up to which it is one."""
 ABSURD = 1e12
 """Size from which a value is none, in any unit; infinity is beyond."""
 SHORTEST = 100
@@ -190,14 +193,31 @@ def _unwrapped(
 
 
 def _pulses(name: str, columns: Columns) -> Bools:
-    """Return where a current may well be off for a moment, as its command is."""
-    near = np.zeros(_length(columns), dtype=bool)
-    if name not in INERT:
-        for command in set(PULSED_BY) & set(columns):
-            changes = np.flatnonzero(np.diff(columns[command], prepend=columns[command][0]) != 0.0)
-            for lag in range(-1, 8):
-                near[np.clip(changes + lag, 0, len(near) - 1)] = True
+    """Return where a current may well be off for a moment, as its command is by about as much.
+
+    Both are measured in their usual spread, as a command may be a voltage or a torque.
+    """
+    x = columns[name]
+    near = np.zeros(len(x), dtype=bool)
+    if name in INERT or not np.isfinite(x).any():
+        return near
+    off = np.abs(x - np.nanmedian(x)) / _spread(x)
+    for command in set(PULSED_BY) & set(columns):
+        u = columns[command]
+        if not np.isfinite(u).any():
+            continue
+        changes = np.abs(np.diff(u, prepend=u[0])) / _spread(u)
+        after, before = 8, 1  # rows that a pulse may last, and lead its command
+        around = np.pad(np.nan_to_num(changes), (after - 1, before))
+        largest = sliding_window_view(around, after + before).max(axis=1)
+        near |= off < LIKE_ITS_COMMAND * largest
     return near
+
+
+def _spread(x: FloatArray) -> float:
+    """Return the usual spread of a channel, or its range where it hardly ever changes."""
+    low, high = np.nanquantile(x, (0.02, 0.98))
+    return max(float(high - low), 0.05 * float(np.nanmax(x) - np.nanmin(x)), 1e-300)
 
 
 def _mark_stale(columns: Columns) -> list[Repair]:

@@ -131,6 +131,16 @@ def test_pulses_of_the_command_are_no_glitches_of_the_current() -> None:
     assert clean(as_record(columns))[1] == ()
 
 
+def test_a_glitch_of_the_current_is_none_of_a_command_that_changes_all_the_time() -> None:
+    columns = motion()
+    rng = np.random.default_rng(3)
+    columns["i_cmd"] = columns["i_cmd"] + 0.1 * rng.standard_normal(len(columns["t"]))
+    columns["i"][1234] = -15.0 * np.abs(columns["i"]).max()
+    record, repairs = clean(as_record(columns))
+    assert kinds(repairs) == {("glitch", "i")}
+    assert np.flatnonzero(np.isnan(record["i"])).tolist() == [1234]
+
+
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6), turn=st.sampled_from([2 * np.pi, 2 * np.pi / 50.0]))
 def test_unwrapping_undoes_wrapping(seed: int, turn: float) -> None:

@@ -58,7 +58,7 @@ MOSTLY = 0.5
 """Predictable share of the squared error above which the stages' effects explain too little."""
 SILENT = 2.0
 """Residual of the drive, in units of noise, up to which its effects explain it."""
-QUIET = 1.0
+QUIET = 1.1
 """The same up to which it has none."""
 ROUNDED = "quantization"
 """Effect that no other can cause: values that lie on a lattice."""
@@ -204,8 +204,9 @@ def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
 def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     """Return a diagnosis that confirms and explains nothing unless predictions improve.
 
-    Sensor effects change only the measurement, not the prediction. Effects with memory, such as
-    temperature, show in the replay of a whole record rather than in its pieces.
+    Effects of sensors, and of a drive whose current was measured, do not change what is predicted.
+    Effects with memory, such as temperature, show in the replay of a whole record rather than in
+    its pieces.
     """
     gap = first.gap
     better = gap.after < BETTER * gap.before or any(
@@ -225,12 +226,16 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     left = gap.after if far_off else min(main.found, gap.after)
     predictable = [row for row in found.rows if _is_predictable(row) and not found.cut]
     sound = better and not (worse or far_off or adrift) and left < LOUD
-    if not first.effects or (sound and not predictable):
+    measured = found.case.logs[0].drive == "i"
+    aside = {
+        e.name for e in first.effects
+        if e.name in MEASURES or (measured and e.stage == "drive")
+    }  # fmt: skip
+    unmoved = all(e.name in aside for e in first.effects) and main.found < NEAR
+    if not first.effects or ((sound or unmoved) and not predictable):
         return first
     kept = sound and main.found < GONE * main.datasheet
-    effects = tuple(
-        e if kept or e.name in MEASURES else e.doubted(MUCH_LEFT) for e in first.effects
-    )
+    effects = tuple(e if kept or e.name in aside else e.doubted(MUCH_LEFT) for e in first.effects)
     said = f"With the named effects {min(left, 1.0):.0%} of what was measured is left."
     if first.verdict != "explained":
         said = f"{said[:-1]} in a replay of the held-out record. " if far_off else ""
@@ -296,14 +301,16 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     faults of `UNSOUND` only effects of the sensors are.
     """
     advice = () if first.examination is None else first.examination.advice
-    alike = excluded.keys() >= ONE_WAY or "damping" in excluded
-    doubtful = {*excluded, "coulomb"} if alike else set(excluded)
+    why = dict.fromkeys(excluded, "check says that this record cannot tell it")
+    if excluded.keys() >= ONE_WAY:
+        why.setdefault("coulomb", "motion in one direction does not tell it from an offset")
+    elif "damping" in excluded:
+        why.setdefault("coulomb", "this record does not tell it from viscous friction")
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
     open_ = [_perhaps_symmetric(e) for e in open_]
-    said = "check says that this record cannot tell it"
-    effects = tuple(e.doubted(said) if e.name in doubtful else e for e in open_)
-    for why in (why for fault, why in UNSOUND.items() if fault in advice):
-        effects = tuple(e if e.name in MEASURES else e.doubted(why) for e in effects)
+    effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
+    for said in (said for fault, said in UNSOUND.items() if fault in advice):
+        effects = tuple(e if e.name in MEASURES else e.doubted(said) for e in effects)
     return replace(first, effects=effects)
 
 
