@@ -68,6 +68,7 @@ def diagnose(
     file, shape = _joint(first, joint, structure)
     for record in (*given, *held):
         _check_rate(record)
+        _check_drive(record, file)
     exam = examine(given, file, shape)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
         raise _nothing_moves(first)
@@ -79,9 +80,9 @@ def diagnose(
         found, ask = by_stages(whole, stretches(held), file, shape, progress, turnable=turnable)
         open_ = found.suggestion
         found = replace(found, examination=exam)
-        if exam.at_rest and not found.effects:
-            raise _nothing_moves(first)
-        if not exam.at_rest:  # at rest only the drive can be told, and nothing can be predicted
+        if exam.at_rest:
+            found = _drive_alone(found, first, file, shape)
+        else:
             found = judged(found, given, held, file, shape, progress)
         if ask is not None and found.suggestion is open_:
             progress("looking for the record that would tell most")
@@ -98,6 +99,16 @@ def _nothing_moves(record: Record) -> RecordError:
     )
 
 
+def _drive_alone(found: Diagnosis, record: Record, file: JointFile, shape: Structure) -> Diagnosis:
+    """Return the diagnosis of a joint that does not move: that of its drive, if it has a gap."""
+    effects = tuple(e for e in found.effects if e.stage == "drive")
+    if not effects:
+        raise _nothing_moves(record)
+    left = replace(found.unexplained, text="Nothing moves: only the drive was judged.")
+    joint = replace(file, structure=shape.name)
+    return replace(found, effects=effects, joint=joint, unexplained=left)
+
+
 def _check_rate(record: Record) -> None:
     """Refuse a record whose samples are too far apart to show a motion."""
     dt = float(np.median(np.diff(record.t))) if len(record) > 1 else 0.0
@@ -106,6 +117,17 @@ def _check_rate(record: Record) -> None:
             f"{record.owner} must have a sample every {SLOW_LOG:g} s or more often to be "
             f"diagnosed, got one every {dt:.3g} s. If its times are milliseconds, map t with "
             "unit = 'ms'."
+        )
+
+
+def _check_drive(record: Record, file: JointFile) -> None:
+    """Refuse a voltage in place of the current that the torque constant needs."""
+    unit = file.parameters.unit("k_t")
+    if record.units.get("i_cmd") == "V" and unit.endswith("/A"):
+        raise RecordError(
+            f"i_cmd of {record.owner} must be a current, as k_t of {file.parameters.name} is in "
+            f"{unit}, got volts. Map the voltage as v, for a joint with r and drive = 'static', or "
+            "give k_t as a gain in N m/V."
         )
 
 

@@ -22,6 +22,8 @@ from cjt_gym.joint.quantity import Quantity
 from cjt_gym.joint.quantity import Setting as Entry
 
 ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
+TOLERATED = 3.0
+"""Number of tolerances up to which a refined value is said to lie within its tolerance."""
 Refined = Mapping[str, tuple[float, float]]
 Table = dict[str, dict[str, Entry]]
 
@@ -174,7 +176,10 @@ def _refined(
         value, deviation = numbers
         old = quantities[symbol]
         how = "corrected from the guess of" if old.guess else "refined from"
-        within = "" if old.guess else " within its tolerance"
+        inside = not old.guess and abs(value - old.number) <= TOLERATED * (
+            old.tolerance or math.inf
+        ) * abs(old.number)
+        within = " within its tolerance" if inside else ""
         text = f"{how} {old.number:.6g}{within}, {source}"
         found[symbol] = replace(old, value=value, source=text, tolerance=deviation, guess=False)
         back = quantities.get(f"{symbol}_n")

@@ -22,6 +22,7 @@ from cjt_gym.gap.horizons.verdict import (
     DRIFTLESS,
     NAMELESS,
     corrected,
+    gave_way,
     main_row,
     unexplained_of,
 )
@@ -42,6 +43,7 @@ ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
 """Laws that differ between the directions, and what they are if the record shows no difference."""
+GAVE_WAY = "a value of the datasheet had to leave its tolerance beside it"
 UNSOUND = {
     ONE_INSTANT: "channels of one row belong to different instants",
     SLOPES: "a velocity contradicts its angle, or the clock is wrong",
@@ -103,9 +105,12 @@ def judged(
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         told = _either_slow(_doubted(_cleared(first, found), found), found)
         told = _with_late_drive(told, found)
-        if said := corrected(found):
-            text = f"{said} {told.unexplained.text}"
-            told = replace(told, unexplained=replace(told.unexplained, text=text))
+        strained = gave_way(found, told.effects)
+        if strained:
+            effects = (e if e.name in MEASURES else e.doubted(GAVE_WAY) for e in told.effects)
+            told = replace(told, effects=tuple(effects))
+        text = " ".join(filter(None, (corrected(found), strained, told.unexplained.text)))
+        told = replace(told, unexplained=replace(told.unexplained, text=text))
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = retold(first, found, excluded, title_of(records[0]))
     told = _with_elsewhere(told, first, measured=any("i" in one for one in records))

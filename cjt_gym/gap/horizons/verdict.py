@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,7 +17,7 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, OUTSIDE, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
 from cjt_gym.joint import EFFECTS, Joint
@@ -170,19 +171,53 @@ def _not_told(row: Row) -> str:
 
 def corrected(judged: Judgement) -> str:
     """Return sentences on the guesses of the datasheet that the answer corrects."""
-    nominal, answer = judged.case.joint, judged.joint
-    rows = [values for name, values in answer.effects.items() if name not in nominal.effects]
     said = []
-    guesses = {s: q for s, q in nominal.parameters.quantities.items() if q.guess}
+    guesses = {s: q for s, q in judged.case.joint.parameters.quantities.items() if q.guess}
     for symbol, quantity in guesses.items():
-        known = [x for v in rows if isinstance(x := v.get(symbol), float)]
-        new = known[0] if known else answer.parameters.get(symbol, quantity.number)
+        new = _given(judged, symbol)
         if abs(new - quantity.number) > REFINED * max(new, quantity.number):
             said.append(
                 f"The guess of {symbol}, {quantity.number:.3g} {quantity.unit}, is corrected to "
                 f"{new:.3g}."
             )
     return " ".join(said)
+
+
+def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
+    """Return a sentence on the stated values that no effect names and that left their tolerance.
+
+    Bodies that move as one count together.
+    """
+    nominal = judged.case.joint
+    named = {symbol for e in effects for symbol in e.parameters}
+    moving = tuple(f"I_{b}" for b in body_group(nominal.structure_row, "m"))
+    known = nominal.parameters.quantities
+    said = []
+    alone = [(s,) for s in ("k_t", "k_b", "k_g", "I_l") if s not in moving]
+    for symbols in (moving, *alone):
+        parts = {s: known[s] for s in symbols if s in known and known[s].number > 0.0}
+        if not parts or named & {*symbols} or any(not q.tolerance for q in parts.values()):
+            continue
+        old, new = sum(q.number for q in parts.values()), sum(_given(judged, s) for s in parts)
+        spread = math.hypot(*(q.number * (q.tolerance or 0.0) for q in parts.values())) / old
+        if abs(math.log(max(new, 1e-12 * old) / old)) > OUTSIDE * spread:
+            unit = next(iter(parts.values())).unit
+            within = f"for {old:.3g} within {100.0 * spread:.2g} %"
+            said.append(f"{' + '.join(parts)} = {new:.3g} {unit} {within}")
+    if not said:
+        return ""
+    return (
+        f"What fits best leaves the datasheet's tolerance: {', '.join(said)}. If another value of "
+        "the datasheet is off instead, the sizes named here change with it."
+    )
+
+
+def _given(judged: Judgement, symbol: str) -> float:
+    """Return a value of the joint that is the answer, from its effects or its parameters."""
+    nominal, answer = judged.case.joint, judged.joint
+    rows = [values for name, values in answer.effects.items() if name not in nominal.effects]
+    known = [x for values in rows if isinstance(x := values.get(symbol), float)]
+    return known[0] if known else answer.parameters.get(symbol, nominal.parameters.get(symbol, 0.0))
 
 
 def refined(judged: Judgement, *, known: bool = False) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.check.faults import ONE_INSTANT, SLOPES
@@ -27,14 +28,14 @@ from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
-from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
+from cjt_gym.gap.horizons.verdict import gave_way, unexplained_of, verdict_of
 from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.worth import Worth
 from cjt_gym.gap.horizons.write import _torn
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import INERTIA, datasheet, record
+from tests.gap.horizons.rotor import DAMPING, INERTIA, datasheet, record
 
 RIGID = get_structure("rigid")
 CLEAR = Worth(fall=100.0, clear=20.0, rest=90.0, price=3.0)
@@ -273,3 +274,55 @@ def test_what_nobody_could_judge_is_not_called_no_gap(
     assert verdict_of(judged, (), suspected=False) == verdict
     said = unexplained_of(judged, verdict, ()).text
     assert ("does not tell how much of it could be" in said) == (left is None)
+
+
+def test_volts_are_no_current(case: Case) -> None:
+    made = record(2.0)
+    volts = Record(
+        {"t": made.t, "i_cmd": made["i"], "q_m": made["q_m"]},
+        {"t": "s", "i_cmd": "V", "q_m": "rad"},
+        structure="rigid",
+    )
+    with pytest.raises(RecordError, match="must be a current, as k_t of rotor is in N m/A"):
+        diagnose(volts, datasheet())
+
+
+def test_a_joint_at_rest_is_refused_unless_its_drive_has_a_gap() -> None:
+    t = 1e-3 * np.arange(4000)
+    command = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 80), 50)
+    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
+    noise = np.random.default_rng(2).normal(0.0, 1e-3, len(t))
+    for rows, refused in ((0, True), (9, False)):
+        columns = {"t": t, "i_cmd": command, "i": np.roll(command, rows) + noise}
+        made = Record({**columns, "q_m": np.zeros(len(t))}, units, structure="rigid")
+        if refused:
+            with pytest.raises(RecordError, match="nothing moves by more than its noise"):
+                diagnose(made, datasheet(1.0, tolerance=0.1))
+        else:
+            found = diagnose(made, datasheet(1.0, tolerance=0.1))
+            assert {e.stage for e in found.effects} == {"drive"}
+            assert found.joint.parameters.I_m == pytest.approx(INERTIA)
+
+
+def test_a_delay_before_a_measured_current_is_confirmed_by_the_drive_alone() -> None:
+    made = record(12.0, dry=0.0)
+    file = datasheet(1.0, tolerance=0.1)
+    file = replace(file, parameters=file.parameters.replace(d_m=DAMPING))
+    ahead = np.concatenate([made["i"][3:], np.zeros(3)])
+    noise = np.random.default_rng(2).normal(0.0, 1e-3, len(made.t))
+    columns = {"t": made.t, "i_cmd": ahead, "i": made["i"] + noise, "q_m": made["q_m"]}
+    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
+    found = diagnose(Record(columns, units, structure="rigid"), file)
+    assert found.verdict == "explained"
+    (late,) = found.effects
+    assert (late.name, late.status) == ("command_delay", "confirmed")
+
+
+def test_a_stated_value_that_gives_way_is_told(case: Case) -> None:
+    stated, shape = datasheet(1.0, tolerance=0.05), get_structure("rigid")
+    heavy = replace(stated, parameters=stated.parameters.replace(I_m=1.3 * INERTIA))
+    file, heavier = (make_case([record(2.0)], [], one, shape).joint for one in (stated, heavy))
+    judged: Any = SimpleNamespace(case=SimpleNamespace(joint=file), joint=heavier)
+    assert "I_m = 0.026 kg m^2 for 0.02 within 5 %" in gave_way(judged, ())
+    judged.joint = file
+    assert gave_way(judged, ()) == ""
