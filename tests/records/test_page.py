@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from cjt_gym.records import FORMATS, UNITS
+from cjt_gym.records import COLUMNS, FORMATS, UNITS
 from cjt_gym.records.mapping import KEYS
 from cjt_gym.records.repair_notes import KINDS
 from tests.python import run_python
@@ -34,3 +34,9 @@ def test_nothing_is_left_out() -> None:
     assert set(KINDS) <= named
     units = set(" ".join(named).split()) | named
     assert {unit for unit in UNITS if unit not in units} <= {"mNm", "Ncm"}
+
+
+def test_the_page_lists_every_channel_with_its_units() -> None:
+    for column in COLUMNS.values():
+        row = f"| `{column.name}` | {', '.join(column.units)} | {column.description} |"
+        assert row in PAGE

@@ -22,6 +22,8 @@ DROP = 0.3
 """Upper limit on the smallest identifiable relative drop of the torque."""
 PER_TURN = np.geomspace(1.0, 200.0, 48)
 """Candidate numbers of ripple periods per turn of the rotor."""
+KNOWN_TORQUE = "Record a static phase with the joint torque tau, or attach a known weight."
+"""What tells a torque constant from an inertia."""
 PERIODS = 1.5
 """Fewest ripple periods that a record must cover."""
 FEWEST = 100
@@ -31,15 +33,14 @@ FEWEST = 100
 @from_balance
 def torque_constant(view: View, balance: Balance) -> Verdict:
     """Judge the torque constant, which requires a known torque to fix the overall scale."""
-    instead = "Record a static phase with the joint torque tau, or attach a known weight."
     if not view.cut and "tau_l" not in view:
         what = "used" if "tau" in view else "measured"
         why = f"no torque is {what}: inertia and friction, off by the same factor, look alike"
-        return Unseen(why, instead)
+        return Unseen(why, KNOWN_TORQUE)
     size = balance.least(balance["u"], ("a", "v", "s", "one"))
     if size <= CONSTANT:
         return Seen(size, "-")
-    return Unseen(only_from(size, "-"), instead)
+    return Unseen(only_from(size, "-"), KNOWN_TORQUE)
 
 
 @from_balance

@@ -9,6 +9,7 @@ import numpy as np
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check.faults import ONE_INSTANT, SLOPES
+from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import MUCH_LEFT, NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
@@ -28,6 +29,7 @@ from cjt_gym.gap.horizons.verdict import (
 )
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
+from cjt_gym.gap.next_record.suggest import ENOUGH
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -108,7 +110,8 @@ def judged(
         strained = gave_way(found, told.effects)
         if strained:
             effects = (e if e.name in MEASURES else e.doubted(GAVE_WAY) for e in told.effects)
-            told = replace(told, effects=tuple(effects))
+            advice = replace(told.suggestion, text=_instead(told.suggestion.text))
+            told = replace(told, effects=tuple(effects), suggestion=advice)
         text = " ".join(filter(None, (corrected(found), strained, told.unexplained.text)))
         told = replace(told, unexplained=replace(told.unexplained, text=text))
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
@@ -323,6 +326,11 @@ def _is_vague(effect: NamedEffect) -> bool:
     """Return whether the frequency of a torque over the angle is hardly determined."""
     f = effect.parameters.get("f")
     return f is not None and f.high - f.low > VAGUELY * abs(f.value)
+
+
+def _instead(advice: str) -> str:
+    """Return advice that begins with what would tell which value of the datasheet is off."""
+    return KNOWN_TORQUE if advice == ENOUGH else f"{KNOWN_TORQUE} {advice}"
 
 
 def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:
