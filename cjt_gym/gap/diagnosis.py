@@ -19,6 +19,7 @@ EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 MUCH_LEFT = "much stays unexplained beside it"
 """Doubts about an effect that the stages and the search have in common."""
+ENOUGH = "No further record is needed."
 NOTHING_LEFT = "In every stage the rest is what noise and tolerances explain."
 
 

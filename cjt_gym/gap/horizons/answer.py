@@ -10,7 +10,14 @@ import numpy as np
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check.faults import ONE_INSTANT, SLOPES
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
-from cjt_gym.gap.diagnosis import MUCH_LEFT, NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
+from cjt_gym.gap.diagnosis import (
+    ENOUGH,
+    MUCH_LEFT,
+    NOTHING_LEFT,
+    Diagnosis,
+    NamedEffect,
+    Unexplained,
+)
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import slow_alike
@@ -29,7 +36,6 @@ from cjt_gym.gap.horizons.verdict import (
 )
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
-from cjt_gym.gap.next_record.suggest import ENOUGH
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 

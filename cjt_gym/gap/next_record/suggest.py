@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cjt_gym.gap.candidates.separated import NOTHING, SEPARATED_BY, advice, difference
-from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
+from cjt_gym.gap.diagnosis import ENOUGH, NamedEffect, Suggestion
 from cjt_gym.gap.judged.confusable import rival_fits
 from cjt_gym.gap.next_record.design import TELLS, Cross, Prospect, prospects
 from cjt_gym.gap.recorded.setting import Setting
@@ -18,7 +18,6 @@ from cjt_gym.gap.stages.prune import Need
 from cjt_gym.records import Record, default_units
 
 MOST_RIVALS = 2
-ENOUGH = "No further record is needed."
 WEAK = "What was found stands on little: "
 SHORT = 5.0
 """Duration of a record below which a longer one is suggested [s]."""
