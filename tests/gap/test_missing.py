@@ -195,4 +195,4 @@ def test_dry_friction_is_not_confirmed_where_motion_in_one_direction_hides_an_of
     assert beside_a_weight.effects == found.effects
     (doubtful,) = allowed_by(found, hidden).effects
     assert (doubtful.status, doubtful.confidence) == ("tentative", 0.5)
-    assert "cannot tell it" in doubtful.doubt
+    assert "does not tell it from an offset" in doubtful.doubt
