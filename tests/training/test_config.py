@@ -102,6 +102,8 @@ def test_gains_of_the_base_replace_its_own() -> None:
 def test_a_file_that_does_not_exist_names_those_that_ship() -> None:
     with pytest.raises(MissingFileError, match="demo"):
         load_config("nowhere.toml")
+    with pytest.raises(MissingFileError, match="Did you mean 'ppo_residual'"):
+        load_config("ppo_residul")
 
 
 def test_a_joint_beside_the_file_is_found(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from cjt_gym.errors import (
     MissingFileError,
     check_name,
     check_range,
+    did_you_mean,
     unknown_name,
 )
 from cjt_gym.training.tuning.gains import Choice, choose_listed
@@ -270,9 +271,10 @@ def _find(path: str | Path) -> Path:
     shipped = _shipped() / f"{path}.toml"
     if os.path.isfile(shipped):
         return shipped
+    known = config_names()
     raise MissingFileError(
-        f"The configuration {path} does not exist. Give the path of a TOML file or one of: "
-        f"{', '.join(config_names())}."
+        f"The configuration {path} does not exist.{did_you_mean(str(path), known)} Give the path "
+        f"of a TOML file or one of: {', '.join(known)}."
     )
 
 
