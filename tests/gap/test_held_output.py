@@ -13,7 +13,7 @@ from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.pieces import ORDER, smooth
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.drive import fit_drive
-from cjt_gym.gap.horizons.held import slow_alike
+from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import quiet
@@ -80,8 +80,8 @@ def test_what_slows_a_held_joint(damping: float, drive: str, alike: tuple[str, .
     file = sheet(d_m=damping)
     log = to_log(slow_record(), file, get_structure(HELD))
     joint = Joint(file, HELD, "current", {})
-    assert slow_alike("damping", joint, replace(log, drive=drive)) == alike  # type: ignore[arg-type]
-    assert slow_alike("coulomb", joint, log) == ()
+    assert held_alike("damping", joint, replace(log, drive=drive)) == alike  # type: ignore[arg-type]
+    assert held_alike("coulomb", joint, log) == ()
 
 
 def test_a_drive_behind_a_held_spring_may_be_slow() -> None:

@@ -20,7 +20,7 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
-from cjt_gym.gap.horizons.held import slow_alike
+from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import LATE, of_drive
@@ -111,7 +111,7 @@ def judged(
         return allowed_by(replace(first, unexplained=left), excluded)
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
-        told = _either_slow(_doubted(_cleared(first, found), found), found)
+        told = _held(_doubted(_cleared(first, found), found), found)
         told = _with_late_drive(told, found)
         strained = gave_way(found, told.effects)
         if strained:
@@ -277,11 +277,11 @@ def _with_late_drive(told: Diagnosis, found: Judgement) -> Diagnosis:
     return replace(told, effects=(*told.effects, *of_drive(found)))
 
 
-def _either_slow(first: Diagnosis, found: Judgement) -> Diagnosis:
-    """Return a diagnosis that does not confirm a slow joint where its drive may be the slow one."""
+def _held(first: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis that does not confirm what a held joint does not tell from others."""
     effects = []
     for effect in first.effects:
-        if alike := slow_alike(effect.name, found.joint, found.case.logs[0]):
+        if alike := held_alike(effect.name, found.joint, found.case.logs[0]):
             others = tuple(dict.fromkeys((*effect.confusable_with, *alike)))
             effect = effect.doubted(f"{' or '.join(alike)} may take its place")
             effect = replace(effect, confusable_with=others)

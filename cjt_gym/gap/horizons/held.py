@@ -1,6 +1,8 @@
-"""What a held output leaves open: whether the joint is slow or its drive."""
+"""What a held output leaves open: whether joint or drive is slow, and whose friction it is."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import body_group
@@ -11,21 +13,31 @@ ALIKE = {"damping": ("current_lag",), "command_delay": ("damping",), "current_la
 SWINGS = 0.5
 """Damping ratio below which a held joint visibly swings."""
 
+UNFELT: Mapping[str, tuple[str, ...]] = {
+    "presliding": ("spring_hysteresis",),
+    "spring_hysteresis": ("presliding",),
+    "coulomb": ("coulomb_asym",),
+}
+"""Effects of a held joint that only its measured torque tells apart: friction before or within the
+spring, and friction that differs with the direction beside an offset that nothing else shows."""
 
-def slow_alike(name: str, joint: Joint, log: Log) -> tuple[str, ...]:
-    """Return which effect slows a held joint down just as a named one does.
 
-    A joint on a held spring that does not swing answers like a lag, and so does a drive of which
-    only the command was recorded. A swing would show the joint's own damping.
+def held_alike(name: str, joint: Joint, log: Log) -> tuple[str, ...]:
+    """Return which effects a held joint does not tell from a named one.
+
+    Some only its torque would tell. A joint on a held spring that does not swing answers like a
+    lag, and so does a drive of which only the command was recorded. A swing would show the joint's
+    own damping.
 
     Args:
         name: The named effect.
         joint: The joint with the effects that were found.
         log: The record.
     """
-    if not joint.structure_row.output_fixed or log.drive == "i" or _swings(joint):
+    if not joint.structure_row.output_fixed:
         return ()
-    return ALIKE.get(name, ())
+    same = () if "tau" in log.measured else UNFELT.get(name, ())
+    return same if log.drive == "i" or _swings(joint) else (*same, *ALIKE.get(name, ()))
 
 
 def _swings(joint: Joint) -> bool:

@@ -12,7 +12,7 @@ from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit
 from cjt_gym.gap.horizons.grow import is_needed
-from cjt_gym.gap.horizons.held import slow_alike
+from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import feels_weight, inverse
 from cjt_gym.gap.horizons.judge import LOUD, OUTSIDE, Judgement
 from cjt_gym.gap.horizons.model import Term
@@ -215,7 +215,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
         same = ("coulomb_asym",)
     if term.name in SKEW and len(SKEW & names) > 1:
         same = tuple(sorted(SKEW - {term.name}))
-    same = (*same, *slow_alike(term.name, judged.joint, judged.case.logs[0]))
+    same = (*same, *held_alike(term.name, judged.joint, judged.case.logs[0]))
     if term.name == "gravity" and scales_of(judged.case.joint, judged.case.logs).travel < STRAIGHT:
         same = (*same, "contact")
     removed = _removed(found.less[index], found.fit)

@@ -21,6 +21,7 @@ from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
+from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.judge import Judgement, Row, _loses
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.named import _deserves, _may_be_as_stated
@@ -274,6 +275,16 @@ def test_what_nobody_could_judge_is_not_called_no_gap(
     assert verdict_of(judged, (), suspected=False) == verdict
     said = unexplained_of(judged, verdict, ()).text
     assert ("does not tell how much of it could be" in said) == (left is None)
+
+
+@pytest.mark.parametrize("name", ["presliding", "spring_hysteresis", "coulomb"])
+def test_only_a_measured_torque_tells_whose_friction_holds_a_joint(name: str) -> None:
+    held: Any = SimpleNamespace(structure_row=SimpleNamespace(output_fixed=True))
+    free: Any = SimpleNamespace(structure_row=SimpleNamespace(output_fixed=False))
+    unfelt: Any = SimpleNamespace(measured={"q_m": 0.0}, drive="i")
+    felt: Any = SimpleNamespace(measured={"q_m": 0.0, "tau": 0.0}, drive="i")
+    assert held_alike(name, held, unfelt)
+    assert held_alike(name, held, felt) == held_alike(name, free, unfelt) == ()
 
 
 def test_volts_are_no_current(case: Case) -> None:
