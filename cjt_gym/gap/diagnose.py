@@ -15,7 +15,7 @@ from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.encoders import in_step
 from cjt_gym.gap.check.faults import SLOPES, UNITS
 from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
-from cjt_gym.gap.horizons.answer import judged
+from cjt_gym.gap.horizons.answer import allowed_by, judged
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.series import Stretch, stretches
@@ -81,7 +81,8 @@ def diagnose(
         open_ = found.suggestion
         found = replace(found, examination=exam)
         if exam.at_rest:
-            found = _drive_alone(found, first, file, shape)
+            excluded = {row.name: row.why for row in exam.cannot_tell}
+            found = allowed_by(_drive_alone(found, first, file, shape), excluded)
         else:
             found = judged(found, given, held, file, shape, progress)
         if ask is not None and found.suggestion is open_:

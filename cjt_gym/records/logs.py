@@ -165,7 +165,7 @@ def _other_gear(mapping: ColumnMapping, n: float | None) -> tuple[Repair, ...]:
     """Return a note where a mapping converts by another gear ratio than that of the joint."""
     if n is None or mapping.n is None or abs(mapping.n - n) <= SAME_GEAR * abs(n):
         return ()
-    text = f"{mapping.owner} converts by a gear ratio of {mapping.n:g}, that of the joint is {n:g}."
+    text = f"{mapping.owner} converts by a gear ratio of {mapping.n:g}; that of the joint is {n:g}."
     return (Repair("unit", None, 1, False, text),)
 
 

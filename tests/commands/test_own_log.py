@@ -118,7 +118,7 @@ def test_a_ratio_in_the_mapping_goes_before_that_of_the_joint(
     assert main(["check", str(log), "--json"]) == 0
     notes = json.loads(capsys.readouterr().out)["notes"]
     assert any(
-        note.endswith(f"by a gear ratio of 10, that of the joint is {N:g}.") for note in notes
+        note.endswith(f"by a gear ratio of 10; that of the joint is {N:g}.") for note in notes
     )
 
 

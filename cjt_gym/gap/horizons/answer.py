@@ -349,7 +349,7 @@ def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:
         return effect
     plain = SYMMETRIC[effect.name]
     others = tuple(dict.fromkeys((*effect.confusable_with, plain)))
-    doubted = effect.doubted(f"{plain} may take its place, as the two directions hardly differ")
+    doubted = effect.doubted(f"{plain} may take its place: the two directions hardly differ")
     return replace(doubted, confusable_with=others)
 
 

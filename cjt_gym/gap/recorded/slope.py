@@ -15,8 +15,8 @@ ASTRAY = 0.15
 """Largest deviation of that integral from the change of the angle, relative to the change."""
 SCALED, SURE = 0.03, 3.0
 """Least relative difference of a scale from 1, and its least ratio to the deviation that remains
-without it. Three teleoperation motors whose clocks were wrong differed by 0.075 to 0.24 with ratios
-of 9 to 50; velocities of eight other machines by up to 0.035, with ratios below 1."""
+without it. Two motors whose clock was wrong, each at three rates, differed by 0.075 to 0.245 with
+ratios of 9 to 50; velocities of six other machines by up to 0.08, with ratios below 1."""
 
 
 def integrated(speed: Floats, angle: Floats, dt: float) -> tuple[float, float, float]:
