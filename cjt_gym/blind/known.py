@@ -326,13 +326,13 @@ def load_coulomb(world: World, draw: Draw) -> Outcome:
 
 @row("gravity", "load", with_load, torque="N m", angle="rad")
 def gravity(world: World, draw: Draw) -> Outcome:
-    """Return a load with the gravity torque -torque sin(q_l - angle) over the measured angle.
+    """Return a load with the gravity torque -torque sin(q_l - angle).
 
     Three joints in ten start with the load hanging straight down.
     """
     size = draw.size(0.2, 0.8) * draw.scales.joint_torque
     q_0 = 0.0 if draw.rng.random() < 0.3 else float(draw.rng.uniform(-0.7, 0.7))
-    seen = q_0 + world.sensing.zero_l
+    seen = q_0 + world.sensing.zero_m  # from which a diagnosis counts all angles
     return on_plant(world, m_g_l=size, q_0=q_0), {"torque": size, "angle": seen}
 
 

@@ -80,6 +80,7 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
     hidden = [effect for effect in (*truth, *others) if seen.get(effect, math.inf) < VISIBLE]
     exact = hits == set(truth) and not wrong
     confirmed = {e["name"] for e in effects if e["status"] == "confirmed"}
+    untold = {row["name"] for row in result.get("record", {}).get("cannot_tell", [])}
     return {
         "case": name,
         "kind": _kind(truth, others),
@@ -96,6 +97,7 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
         "status": [effect["status"] for effect in effects],
         "verdict": result.get("verdict", "failed"),
         "first_right": bool(found) and found[0] in right,
+        "excluded": bool(truth) and untold.issuperset(truth),
         "exact": exact,
         "f1": _f1(len(truth), len(hits), len(wrong)),
         "wrong": sorted(wrong),
@@ -189,6 +191,7 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
             "known": rate(row["first_right"] for row in known),
             "single": rate(row["first_right"] for row in single),
             "pair": rate(row["first_right"] for row in pair),
+            "not_excluded": rate(row["first_right"] for row in known if not row["excluded"]),
         },
         "exact": rate(row["exact"] for row in known),
         "f1": mean([row["f1"] for row in known]),

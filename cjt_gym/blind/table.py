@@ -33,6 +33,7 @@ def lines(s: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("first name right", percent(first["known"])),
         ("  one effect", percent(first["single"])),
         ("  two effects", percent(first["pair"])),
+        ("  where check does not exclude it", percent(first["not_excluded"])),
         ("set of names exact", percent(s["exact"])),
         ("set F1, mean", average(s["f1"])),
         ("false alarms", percent(s["false_alarms"])),

@@ -86,6 +86,18 @@ def test_invisible_effects_count_apart() -> None:
     assert summary["invisible"]["silent"]["hits"] == summary["invisible"]["cases"] == 1
 
 
+def test_what_check_excludes_is_counted_with_and_without() -> None:
+    said = {"record": {"cannot_tell": [{"name": "gear_ripple", "why": "tau is not recorded"}]}}
+    rows = [
+        score(label("gear_ripple"), named(verdict="unexplained") | said),
+        score(label("gear_ripple", "damping"), named("damping") | said),
+        score(label("coulomb"), named(verdict="no_gap") | said),
+    ]
+    first = summarise(rows)["first_right"]
+    assert (first["known"]["hits"], first["known"]["total"]) == (1, 3)
+    assert (first["not_excluded"]["hits"], first["not_excluded"]["total"]) == (1, 2)
+
+
 def test_summary_counts() -> None:
     rows = [
         score(label("coulomb"), named("coulomb")),

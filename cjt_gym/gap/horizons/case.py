@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
-from cjt_gym.gap.horizons.log import Log, to_logs
+from cjt_gym.gap.horizons.log import LEAST_SMOOTH, SMOOTH, Log, to_logs
 from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, split
+from cjt_gym.gap.horizons.windows import HORIZONS, Windows, cut, make_windows, split
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 
+NARROWER = (2, 4)
+"""Divisors of `SMOOTH` that are tried."""
 TEST = 200
 """Maximum number of windows on which models are compared."""
 
@@ -61,6 +63,35 @@ def make_case(
     every = test if other else make_windows(logs, pieces, TEST, whole=whole)
     response = fit_drive(first, [p for p in own if p.log == 0])
     return Case(joint, tuple(logs), fit, test, every, response)
+
+
+def sharp(case: Case, joints: Iterable[Joint]) -> Case:
+    """Return a case whose predictions start from states smoothed no longer than suits the records.
+
+    Smoothing blurs the speed where friction turns round or a spring rings, and what is not smoothed
+    is noise. The width is that from which one of some joints predicts best over the shortest
+    horizon.
+    """
+    least = max(log.dt for log in case.fit.logs) * LEAST_SMOOTH
+    widths = sorted({max(SMOOTH / k, least) for k in NARROWER}, reverse=True)
+    if not case.logs[0].known.all() or least >= SMOOTH:
+        return case
+    cases = [case, *(_started(case, width) for width in widths)]
+    keys = [k for k, key in enumerate(case.fit.keys) if key[1] == min(HORIZONS)]
+    costs = [
+        min(sum(float(np.mean(one.fit.errors(joint)[k] ** 2)) for k in keys) for joint in joints)
+        for one in cases
+    ]
+    return cases[int(np.argmin(costs))]
+
+
+def _started(case: Case, width: float) -> Case:
+    logs = {id(log): log.started(width) for w in (case.fit, case.test, case.all) for log in w.logs}
+    fit, test, every = (
+        replace(w, logs=tuple(logs[id(log)] for log in w.logs))
+        for w in (case.fit, case.test, case.all)
+    )
+    return replace(case, logs=fit.logs, fit=fit, test=test, all=every)
 
 
 def late(case: Case, rows: float) -> Case:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.diagnosis import Horizon
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.case import Case, late
+from cjt_gym.gap.horizons.case import Case, late, sharp
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
@@ -154,6 +154,7 @@ def judge(
         joints["least squares"] = ls
     if stages is not None:
         joints["stages"] = stages
+    case = sharp(case, [joints[name] for name in ("datasheet", "stages") if name in joints])
     test = Problem(case.test)
     if stages is not None:
         known = left_by(case.all, stages)

@@ -54,8 +54,12 @@ class Log:
         pulling: Load from each sample to the next, likewise, shape (N,).
         measured: Channels to predict, of q_m, q_l and tau, each of shape (N,).
         states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
+        first: The same as states from which predictions start, smoothed no longer than suits the
+            record, shape (N, 6).
+        angles: Angles of motor, gear and load, not smoothed, shape (N, 3).
         known: Which states were measured or follow from measured channels, shape (6,).
         acceleration: Smoothed acceleration of the motor [rad/s^2], shape (N,).
+        with_speed: Whether the motor's velocity was measured, and is the slope of its angle.
         whole: Where all channels were measured and no gap is near, shape (N,).
         temperature: Lowest and highest temperature reported by the drive [degC]; None if absent.
         past: Current from the beginning of the file up to the first sample [A], shape (M,).
@@ -72,8 +76,11 @@ class Log:
     pulling: Floats
     measured: dict[str, Floats]
     states: Floats
+    first: Floats
+    angles: Floats
     known: Flags
     acceleration: Floats
+    with_speed: bool
     whole: Flags
     temperature: tuple[float, float] | None = None
     past: Floats = field(default_factory=lambda: np.zeros(0))
@@ -89,6 +96,13 @@ class Log:
     def late(self, rows: float) -> Log:
         """Return the log of a joint that a measured current moves late by some rows."""
         return replace(self, acting=_until_next(self.command, (0.5 - rows) / self.rows))
+
+    def started(self, width: float) -> Log:
+        """Return the log with predictions that start from states smoothed over a time [s]."""
+        first = _smooth_states(self.angles, self.dt, width)
+        if self.with_speed:
+            first[:, 3] = self.states[:, 3]
+        return replace(self, first=first)
 
     @property
     def speed(self) -> Floats:
@@ -151,7 +165,11 @@ def to_log(
     if "q_l" in shown:
         shown["q_l"] = shown["q_l"] + zero
     held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
-    states, acceleration = _states(shown, held, even, structure, file, dt)
+    angles = _angles(shown, held, structure, file)
+    states = _smooth_states(angles, dt)
+    with_speed = "dq_m" in even and is_slope(even["dq_m"], angles[:, 0], dt)
+    if with_speed:
+        states[:, 3] = even["dq_m"]
     load = even.get("tau_l", np.zeros(len(grid)))
     pulling = _until_next(load, 0.5 / every)
     if structure.output_fixed:
@@ -161,9 +179,9 @@ def to_log(
     heat = even.get("temperature")
     warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
-        dt, grid, drive, command, wanted, load, every, acting, pulling, shown, states,
-        _known(shown, held, structure), acceleration, ~holes, warm,
-        current_before(grid[0], whole, file, dt),
+        dt, grid, drive, command, wanted, load, every, acting, pulling, shown, states, states,
+        angles, _known(shown, held, structure), smoothed(angles[:, 0], dt, 2), with_speed, ~holes,
+        warm, current_before(grid[0], whole, file, dt),
     )  # fmt: skip
 
 
@@ -303,23 +321,18 @@ def _known(measured: dict[str, Floats], held: Floats | None, structure: Structur
     return np.array([q_m, q_g, q_l] * 2)
 
 
-def smoothed(x: Floats, dt: float, order: int = 0) -> Floats:
+def smoothed(x: Floats, dt: float, order: int = 0, width: float = SMOOTH) -> Floats:
     """Return a channel, or its derivative of order up to 2, smoothed by local parabolas."""
-    count = max(LEAST_SMOOTH, round(SMOOTH / dt) | 1)
+    count = max(LEAST_SMOOTH, round(width / dt) | 1)
     return np.asarray(savgol_filter(x, count, 2, deriv=order, delta=dt))
 
 
-def _states(
-    measured: dict[str, Floats],
-    held: Floats | None,
-    even: dict[str, Floats],
-    structure: Structure,
-    file: JointFile,
-    dt: float,
-) -> tuple[Floats, Floats]:
-    """Return the measured states, shape (N, 6), and the motor's acceleration, shape (N,).
+def _angles(
+    measured: dict[str, Floats], held: Floats | None, structure: Structure, file: JointFile
+) -> Floats:
+    """Return the angles of motor, gear and load, shape (N, 3).
 
-    Unmeasured states follow from measured ones: the deflection of a spring from its torque, the
+    Unmeasured ones follow from measured ones: the deflection of a spring from its torque, the
     motor's angle with a held output likewise, and bodies that move together from each other.
     """
     p = file.parameters
@@ -336,10 +349,9 @@ def _states(
     else:
         q_l = np.zeros(size) if structure.output_fixed else q_m - bar - mesh
     q_g = q_m - mesh if motor != gear else q_m
-    q_l = q_m if load == motor else q_l
-    angles = [smoothed(q, dt) for q in (q_m, q_g, q_l)]
-    rates = [smoothed(q, dt, 1) for q in (q_m, q_g, q_l)]
-    if "dq_m" in even and is_slope(even["dq_m"], q_m, dt):
-        rates[0] = even["dq_m"]
-    acceleration = smoothed(q_m, dt, 2)
-    return np.stack([*angles, *rates], axis=1), acceleration
+    return np.stack([q_m, q_g, q_m if load == motor else q_l], axis=1)
+
+
+def _smooth_states(angles: Floats, dt: float, width: float = SMOOTH) -> Floats:
+    """Return angles and their rates smoothed over a time, shape (N, 6)."""
+    return np.stack([smoothed(q, dt, order, width) for order in (0, 1) for q in angles.T], axis=1)

@@ -1,0 +1,53 @@
+"""How long the states from which predictions start are smoothed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap.horizons.case import make_case, sharp
+from cjt_gym.gap.horizons.judge import judge
+from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.windows import relative
+from cjt_gym.joint import Joint, get_structure
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.records import Record
+from tests.gap.test_rough_logs import DT, TRUE, nominal
+
+HELD = get_structure("output_fixed_rigid_gearbox")
+SOONEST = ("q_m", 0.02)
+DRY = 3.0
+
+
+def dry_joint() -> Joint:
+    effects = resolve_effects({"coulomb": {"d_cm": DRY}}, nominal(), HELD, "current")
+    return quiet(Joint(nominal(), HELD.name, "current", effects))
+
+
+def record(noise: float) -> Record:
+    """Return a held joint that sticks and slips, its angle with noise [rad]."""
+    t, rng = DT * np.arange(10_000), np.random.default_rng(3)
+    amps = 1.5 * np.sin(2.0 * np.pi * 1.3 * t) + np.sin(2.0 * np.pi * (2.0 + 1.1 * t) * t)
+    made = dry_joint().simulate(amps * TRUE["k_t"] * TRUE["n"], dt=DT)
+    q_m = made["true_q_m"] + rng.normal(0.0, noise, len(t))
+    columns = {"t": t, "i_cmd": amps, "q_m": q_m}
+    return Record(columns, {"t": "s", "i_cmd": "A", "q_m": "rad"}, structure=HELD.name)
+
+
+def test_turns_of_a_speed_that_an_angle_resolves_are_not_smoothed_away() -> None:
+    case = make_case([record(1e-7)], [], nominal(), HELD)
+    sharper = sharp(case, [case.joint])
+    before, after = (relative(c.test, c.test.errors(dry_joint()))[SOONEST] for c in (case, sharper))
+    assert after < 0.5 * before
+    assert np.array_equal(case.logs[0].speed, sharper.logs[0].speed), "regressions stay the same"
+
+
+def test_the_noise_of_a_coarse_angle_is_smoothed_as_before() -> None:
+    case = make_case([record(1e-3)], [], nominal(), HELD)
+    assert sharp(case, [case.joint, dry_joint()]) is case
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-3])
+def test_the_true_joint_is_the_answer_however_its_angle_was_measured(noise: float) -> None:
+    case = make_case([record(noise)], [], nominal(), HELD)
+    assert judge(case, dry_joint(), lambda _: None, ["coulomb"]).answer == "stages"
