@@ -51,6 +51,7 @@ def test_the_simulated_device_does_what_the_cpu_does(case: str, tmp_path: Path) 
 
 
 @pytest.mark.skipif(not cuda.is_available(), reason="there is no device")
+@pytest.mark.filterwarnings("ignore:.*Grid size")  # three joints do not fill a device
 @pytest.mark.parametrize("case", ["usual", "everything"])
 def test_a_device_does_what_the_cpu_does(case: str) -> None:
     device = DeviceEpisodes(simulated.NUM, episode_steps=simulated.EPISODE, **simulated.CASES[case])

@@ -20,6 +20,8 @@ Integers = NDArray[np.int64]
 FEATURES = 60
 FOLDS = 6
 RIDGES = np.geomspace(1e-2, 1e4, 9)
+NEXT = 0.01
+"""Time between the accelerations that show how the motion changes [s]."""
 FEWEST = 30
 """Fewest windows for a result."""
 CLIP = 4.0
@@ -39,9 +41,12 @@ class Predictable:
     deviation: float
 
 
-def features(windows: Windows, key: tuple[str, float]) -> Floats:
-    """Return variables on which an error may depend, shape (windows, n), of unit deviation."""
-    horizon, rows = key[1], []
+def features(windows: Windows, key: tuple[str, float]) -> tuple[Floats, Floats]:
+    """Return variables on which an error may depend, of unit deviation, shape (windows, n) each.
+
+    The first are state, input and its past, the second how the motion changes.
+    """
+    horizon, rows, changes = key[1], [], []
     for group in windows.groups_of(key):
         log = windows.logs[group.log]
         last = int(group.points(horizon, log.dt)[-1])
@@ -60,11 +65,17 @@ def features(windows: Windows, key: tuple[str, float]) -> Floats:
                  log.t[start]], axis=1,
             )
         )  # fmt: skip
-    x = np.concatenate(rows)
+        around = [np.clip(start + k * round(NEXT / log.dt), 0, len(log) - 1) for k in (-2, -1, 1)]
+        changes.append(
+            np.stack([*(log.acceleration[k] for k in around), log.speed[around[0]]], axis=1)
+        )
+    return _scaled(np.concatenate(rows)), _scaled(np.concatenate(changes))
+
+
+def _scaled(x: Floats) -> Floats:
     spread = x.std(axis=0)
     x = x[:, spread > 1e-12] - x[:, spread > 1e-12].mean(axis=0)
-    x = x / spread[spread > 1e-12]
-    return np.asarray(np.clip(x, -4.0, 4.0))
+    return np.asarray(np.clip(x / spread[spread > 1e-12], -4.0, 4.0))
 
 
 def predictable(
@@ -72,21 +83,26 @@ def predictable(
 ) -> Predictable:
     """Return the predictable share of the errors of a kind."""
     error = errors[windows.keys.index(key)][:, -1]
-    pieces, x = windows.pieces(key), features(windows, key)
+    pieces, (state, changes) = windows.pieces(key), features(windows, key)
     good = np.isfinite(error)
-    error, pieces, x = error[good], pieces[good], x[good]
+    error, pieces, state, changes = error[good], pieces[good], state[good], changes[good]
     if len(error) < FEWEST or len(np.unique(pieces)) < FOLDS or not np.any(error):
         return Predictable(0.0, 1.0)
     size = np.median(np.abs(error)) / 0.6745
     y = np.clip(error, -CLIP * size, CLIP * size) if size > 0.0 else error
+    order = np.unique(pieces)
+    fold = (np.searchsorted(order, pieces) * FOLDS) // len(order)
+    sets = [state, np.hstack([state, changes])]
+    share, deviation = max(_shares(_waves(x, seed), y, fold) for x in sets)
+    return Predictable(float(np.clip(share, 0.0, 1.0)), deviation)
+
+
+def _waves(x: Floats, seed: int) -> Floats:
+    """Return variables and random waves of them, shape (windows, n)."""
     rng = np.random.default_rng(seed)
     w = rng.normal(size=(x.shape[1], FEATURES)) * 0.5
     phase = rng.uniform(0.0, 2.0 * np.pi, FEATURES)
-    phi = np.hstack([np.ones((len(x), 1)), x, np.tanh(10.0 * x[:, :1]), np.cos(x @ w + phase)])
-    order = np.unique(pieces)
-    fold = (np.searchsorted(order, pieces) * FOLDS) // len(order)
-    shares = _shares(phi, y, fold)
-    return Predictable(float(np.clip(shares[0], 0.0, 1.0)), shares[1])
+    return np.hstack([np.ones((len(x), 1)), x, np.tanh(10.0 * x[:, :1]), np.cos(x @ w + phase)])
 
 
 def _shares(phi: Floats, y: Floats, fold: Integers) -> tuple[float, float]:
