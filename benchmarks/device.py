@@ -1,4 +1,4 @@
-"""Episodes on a CUDA device against those on the processors: `python -m benchmarks.device [JOINTS...]`.
+"""Episodes on a CUDA device against the processors: `python -m benchmarks.device [JOINTS...]`.
 
 Needs a device. Both step the same episodes in the same run, by the clock.
 """
