@@ -6,6 +6,7 @@ import re
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,6 +66,21 @@ def test_an_example_of_a_page_runs(
     monkeypatch.chdir(tmp_path)
     exec(compile(code, f"{name}.md", "exec"), {"__name__": "example"})
     assert re.match(PRINTED[name], capsys.readouterr().out)
+
+
+def test_an_identified_joint_does_what_its_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"__name__": "example"}
+    for code in blocks("after_the_diagnosis"):  # one program
+        exec(compile(code, "after_the_diagnosis.md", "exec"), names)
+    printed = capsys.readouterr().out
+    assert "Record a static phase with the joint torque tau" in printed
+    assert names["gap"].after < 0.01 < 1.0 < names["gap"].before
+    found = names["found"]
+    assert found.identified.rmse == pytest.approx(found.recorded.rmse, rel=1e-3)
+    assert found.nominal.rmse < 0.1 * found.recorded.rmse
 
 
 def test_an_observer_has_the_poles_that_the_page_of_controllers_asks_for(

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit
@@ -21,7 +20,7 @@ from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.verdict import is_unknown, worst_row
+from cjt_gym.gap.horizons.verdict import is_unknown, is_usual_offset, worst_row
 from cjt_gym.gap.horizons.windows import HORIZONS
 
 SURE, FIRM = 1.4, 2.0
@@ -181,14 +180,6 @@ def _weighs(judged: Judgement, values: Sequence[float]) -> bool:
         return True
     off = min(np.hypot(x - values[0], y - values[1]) for x, y in known)
     return bool(off < AGREES * np.hypot(values[0], values[1]))
-
-
-def is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
-    """Return whether a constant torque [N m] is no more than an amplifier's usual offset."""
-    p, log = judged.case.joint.parameters, judged.case.logs[0]
-    usual = USUAL_CURRENT if log.drive == "i" else USUAL_COMMAND * float(np.ptp(log.command))
-    small = abs(torque) <= OUTSIDE * p.k_t * p.n * usual
-    return name == "torque_offset" and not log.voltage and small
 
 
 def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:

@@ -10,12 +10,13 @@ from cjt_gym.gap.diagnosis import Diagnosis, Horizon, NamedEffect, Suggestion
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
-from cjt_gym.gap.horizons.named import effects_of, is_usual_offset
+from cjt_gym.gap.horizons.named import effects_of
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.verdict import (
     corrected,
     gap_of,
+    is_usual_offset,
     main_row,
     refined,
     stages_of,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
@@ -225,7 +226,8 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
 
     Args:
         judged: The judgement.
-        known: Whether to skip values that have a datasheet prior, guesses included.
+        known: Whether to skip values that have a datasheet prior, guesses included, and those
+            that no error shows to be off.
     """
     fit = _fit(judged)
     if fit is None:
@@ -234,14 +236,24 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
     for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
         scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
         value, nominal = scale * values[0], scale * term.nominal[0]
-        if not term.told or (
-            known and (term.numbers[0].prior or _guessed(judged.case.joint, term))
-        ):
+        if is_usual_offset(judged, term.name, value) or not term.told:
+            continue
+        if known and (term.numbers[0].prior or _guessed(judged.case.joint, term)):
+            continue
+        if known and _is_unseen(judged, term):
             continue
         within = term.name == "current_lag" and _within_a_row(judged, value, nominal)
         if not within and abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
     return f"{NAMELESS} {', '.join(said)}." if said else ""
+
+
+def _is_unseen(judged: Judgement, term: Term) -> bool:
+    """Return whether a datasheet value left its tolerance though no error shows that it is off."""
+    if term.tight is None or judged.found is None or judged.answer != "found":
+        return False
+    keys = [t.key for t in judged.found.fit.model.terms]
+    return not judged.found.worths[keys.index(term.key)].seen
 
 
 def _within_a_row(judged: Judgement, value: float, nominal: float) -> bool:
@@ -250,6 +262,14 @@ def _within_a_row(judged: Judgement, value: float, nominal: float) -> bool:
         return False
     apart = abs(1.0 / value - 1.0 / nominal) / (2.0 * np.pi)
     return apart < 0.5 * judged.case.logs[0].dt
+
+
+def is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
+    """Return whether a constant torque [N m] is no more than an amplifier's usual offset."""
+    p, log = judged.case.joint.parameters, judged.case.logs[0]
+    usual = USUAL_CURRENT if log.drive == "i" else USUAL_COMMAND * float(np.ptp(log.command))
+    small = abs(torque) <= OUTSIDE * p.k_t * p.n * usual
+    return name == "torque_offset" and not log.voltage and small
 
 
 def _guessed(joint: Joint, term: Term) -> bool:

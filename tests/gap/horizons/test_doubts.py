@@ -238,13 +238,16 @@ def test_a_damping_that_may_be_as_stated_is_no_cause(
     assert not _may_be_as_stated(judged, 0, replace(stated, nominal=(0.0,)), effect)
 
 
-@pytest.mark.parametrize(("back", "status"), [(6.5, "tentative"), (9.0, "confirmed")])
+@pytest.mark.parametrize(
+    ("back", "half", "status"),
+    [(6.5, 2.0, "tentative"), (9.0, 2.0, "confirmed"), (5.6, 0.01, "tentative")],
+)
 def test_friction_is_not_asymmetric_where_the_directions_hardly_differ(
-    told: Diagnosis, back: float, status: str
+    told: Diagnosis, back: float, half: float, status: str
 ) -> None:
     numbers = {
-        "d_l": Interval(5.5, 4.0, 7.0, "N m s/rad"),
-        "d_l_n": Interval(back, back - 2.5, back + 2.5, "N m s/rad"),
+        "d_l": Interval(5.5, 5.5 - half, 5.5 + half, "N m s/rad"),
+        "d_l_n": Interval(back, back - half, back + half, "N m s/rad"),
     }
     effect = NamedEffect(
         "viscous_asym", "load", "load", None, numbers, "confirmed", 0.9, 0.2, (), 1.0
@@ -275,6 +278,33 @@ def test_what_nobody_could_judge_is_not_called_no_gap(
     assert verdict_of(judged, (), suspected=False) == verdict
     said = unexplained_of(judged, verdict, ()).text
     assert ("does not tell how much of it could be" in said) == (left is None)
+
+
+@pytest.mark.parametrize(
+    ("offset", "seen", "verdict"),
+    [(1e-4, True, "no_gap"), (0.5, True, "unexplained"), (0.0, False, "no_gap")],
+)
+def test_only_values_that_errors_show_to_be_off_leave_a_gap_without_a_name(
+    offset: float, seen: bool, verdict: str, case: Case
+) -> None:
+    """Not the usual offset of an amplifier, nor damping that a fit may as well take as stated."""
+    scales = scales_of(case.joint, case.logs)
+    base = Model(case.joint, base_terms(case.joint, scales))
+    weak = Worth(fall=5.0, clear=20.0 if seen else -1.0, rest=1.0, price=3.0)
+    fit = Fit(base, np.zeros(len(base.numbers)), 0.0, [])
+    if offset:
+        constant = next(
+            t for t in candidates(case.joint, scales, case.logs) if t.name == "torque_offset"
+        )
+        fit = Fit(*added(fit, constant, (offset,)), 0.0, [])
+    else:
+        constant = next(t for t in freed(base.terms) if t.name == "torque_constant")
+        fit = Fit(*added(fit, constant, (1.5 * constant.nominal[0],)), 0.0, [])
+    count = len(fit.model.terms)
+    found = Found(fit, fit, (weak,) * count, ((),) * count, (fit,) * count)
+    rows = (Row(0.5, "q_m", 0.5, None, 0.02, 0.02, Predictable(0.0, 0.1)),)
+    judged = Judgement(case, "found", case.joint, rows, found=found)
+    assert verdict_of(judged, (), suspected=False) == verdict
 
 
 @pytest.mark.parametrize("name", ["presliding", "spring_hysteresis", "coulomb"])
