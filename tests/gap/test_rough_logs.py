@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cjt_gym.errors import RecordError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.forward import Forecast
@@ -117,6 +118,17 @@ def test_a_motor_stays_warm_over_a_gap() -> None:
     assert [effect.name for effect in found.effects] == ["thermal_derating"]
     assert found.effects[0].parameters["T_thw"].value == pytest.approx(time, rel=0.1)
     assert found.gap.after < 0.1 * found.gap.before
+
+
+def test_a_channel_with_too_few_samples_is_told_as_such() -> None:
+    whole = record()
+    current = np.where(np.arange(len(whole)) < 87, whole["i"], np.nan)
+    columns = {"t": whole.t, "q_m": whole["q_m"], "i": current}
+    few = Record(columns, whole.units, structure="rigid", allow_nan=True)
+    with pytest.raises(
+        RecordError, match=r"Columns with values: t, q_m, i \(87 samples, too few\)"
+    ):
+        diagnose(few, datasheet())
 
 
 @pytest.mark.parametrize("told", [True, False])

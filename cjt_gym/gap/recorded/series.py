@@ -326,7 +326,10 @@ def compliance(joint: JointFile, structure: Structure) -> float:
 
 
 def _filled(record: Record) -> str:
-    return ", ".join(name for name in record.columns if np.isfinite(record[name]).any())
+    """Return the names of columns with values, and of those with too few how many."""
+    count = {name: int(np.isfinite(record[name]).sum()) for name in record.columns}
+    few = {name: f" ({n} samples, too few)" for name, n in count.items() if n <= SHORTEST // 2}
+    return ", ".join(f"{name}{few.get(name, '')}" for name, n in count.items() if n)
 
 
 def _check(record: Record, columns: Mapping[str, Floats]) -> None:
