@@ -18,6 +18,7 @@ SCHEMA = 1
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 MUCH_LEFT = "much stays unexplained beside it"
+LEVELLESS = "nothing shows the level to which it falls"
 """Doubts about an effect that the stages and the search have in common."""
 ENOUGH = "No further record is needed."
 NOTHING_LEFT = "In every stage the rest is what noise and tolerances explain."

@@ -34,6 +34,8 @@ LIKE_ITS_COMMAND = 3.0
 """Pulse of a current, in its spread, over that of its command in its own up to which it is one."""
 ABSURD = 1e12
 """Size from which a value is none, in any unit; infinity is beyond."""
+SHUFFLED = 0.1
+"""Usual step of the time, relative to its span, from which rows are in no order."""
 SHORTEST = 100
 """Samples below which a piece of a log is left out."""
 NOTE = "repairs"
@@ -120,6 +122,15 @@ def _dt(columns: Columns, facts: Mapping[str, Any]) -> float:
 def _in_order(columns: Columns, owner: str) -> tuple[list[Columns], list[Repair]]:
     if "t" not in columns:
         return [dict(columns)], []
+    known = columns["t"][np.isfinite(columns["t"])]
+    steps = np.diff(known)
+    if len(steps) > SHORTEST and np.median(np.abs(steps)) > SHUFFLED * np.ptp(known):
+        back = float(np.mean(steps < 0.0))
+        raise RecordError(
+            f"The time t of {owner} must increase from row to row, but goes back in "
+            f"{100.0 * back:.0f} % of the rows: they are in disorder, or t is another column. Sort "
+            "the rows by time, or map the right column to t."
+        )
     found, repairs = ordered_rows(columns["t"], _same_rows(columns))
     used = [piece for piece in found if len(piece.t) >= SHORTEST]
     if not used:

@@ -41,6 +41,7 @@ def test_commands_have_the_options_that_are_shown(words: tuple[str, ...]) -> Non
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::cjt_gym.errors.OutsideFoundWarning")  # a training goes there
 @pytest.mark.parametrize("page", RUNNING)
 def test_commands_of_a_tutorial_run_one_after_the_other(
     page: str,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from cjt_gym.blind import draw_case
+from cjt_gym.errors import RecordError
 from cjt_gym.records import (
     Record,
     Repair,
@@ -216,6 +217,13 @@ def test_a_log_that_begins_with_its_latest_row_is_turned_round() -> None:
     (record,), repairs = repaired(turned)
     assert np.array_equal(record["q_m"], columns["q_m"])
     assert [(r.kind, r.count) for r in repairs] == [("order", 1000)]
+
+
+def test_rows_in_no_order_are_refused() -> None:
+    columns = motion(1, 1000)
+    mixed = table_of(columns, np.random.default_rng(0).permutation(1000))
+    with pytest.raises(RecordError, match="goes back in 51 % of the rows: they are in disorder"):
+        repaired(mixed)
 
 
 def test_times_coarser_than_the_rows_are_spread() -> None:

@@ -12,6 +12,7 @@ from cjt_gym.gap.check.faults import ONE_INSTANT, SLOPES
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
     ENOUGH,
+    LEVELLESS,
     MUCH_LEFT,
     NOTHING_LEFT,
     Diagnosis,
@@ -75,6 +76,9 @@ ROUNDED = "quantization"
 VAGUELY = 0.1
 """Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat;
 that of cogging on five real records, of three to fifteen periods, was 0.01 to 0.05."""
+UNDAMPED = "the spring's damping d_gl, not stated, may take its place"
+BESIDE_ANOTHER = "the law of the friction beside it stays open"
+"""Doubts of a hysteresis of a spring, and of damping beside Stribeck friction without a level."""
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
 asymmetric: of two true ones that were alike, errors of the model made up to 2 %."""
@@ -101,6 +105,11 @@ def judged(
         progress: Called with a description of the current step.
     """
     first = _without_guesses(first, file)
+    if file.parameters.get("d_gl", 0.0) <= 0.0:
+        effects = (
+            e.doubted(UNDAMPED) if e.name == "spring_hysteresis" else e for e in first.effects
+        )
+        first = replace(first, effects=tuple(effects))
     exam = first.examination
     excluded = {row.name: row.why for row in exam.cannot_tell} if exam is not None else {}
     try:
@@ -313,9 +322,9 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     """Return a diagnosis that confirms no effect that the record cannot identify.
 
     Dry friction is not confirmed either where motion in one direction hides an offset or where
-    viscous friction cannot be told from it, nor is a torque over the angle whose frequency stays
-    open, nor friction as asymmetric whose two directions hardly differ. Beside the
-    faults of `UNSOUND` only effects of the sensors are.
+    viscous friction cannot be told from it, nor Stribeck friction of which none may be left at
+    speed, nor a torque over the angle whose frequency stays open, nor friction as asymmetric whose
+    two directions hardly differ. Beside the faults of `UNSOUND` only effects of the sensors are.
     """
     advice = () if first.examination is None else first.examination.advice
     why = dict.fromkeys(excluded, "check says that this record cannot tell it")
@@ -324,11 +333,20 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     elif "damping" in excluded:
         why.setdefault("coulomb", "this record does not tell it from viscous friction")
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
+    if any(_falls_to_nothing(e) for e in open_):
+        open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
+    open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
     open_ = [_perhaps_symmetric(e) for e in open_]
     effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
     for said in (said for fault, said in UNSOUND.items() if fault in advice):
         effects = tuple(e if e.name in MEASURES else e.doubted(said) for e in effects)
     return replace(first, effects=effects)
+
+
+def _falls_to_nothing(effect: NamedEffect) -> bool:
+    """Return whether Stribeck friction may leave none at speed, as no dry friction does."""
+    levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
+    return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
 
 
 def _is_vague(effect: NamedEffect) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
-from cjt_gym.gap.horizons.log import LEAST_SMOOTH, SMOOTH, Log, to_logs
+from cjt_gym.gap.horizons.log import SMOOTH, Log, to_logs
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.windows import HORIZONS, Windows, cut, make_windows, split
 from cjt_gym.joint import Joint, JointFile, Structure
@@ -16,8 +17,11 @@ from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 
-NARROWER = (2, 4)
-"""Divisors of `SMOOTH` that are tried."""
+NARROWER, NARROWEST = (2, 4), 3
+"""Divisors of the time over which states are smoothed that are tried, and fewest samples."""
+SLOW = 4e-3
+"""Sample time above which what drives a joint changes much from row to row [s]: the slope of its
+angle is no longer its speed."""
 TEST = 200
 """Maximum number of windows on which models are compared."""
 
@@ -70,13 +74,15 @@ def sharp(case: Case, joints: Iterable[Joint]) -> Case:
 
     Smoothing blurs the speed where friction turns round or a spring rings, and what is not smoothed
     is noise. The width is that from which one of some joints predicts best over the shortest
-    horizon.
+    horizon. The states of a slow log may be those that a filter of each joint estimates.
     """
-    least = max(log.dt for log in case.fit.logs) * LEAST_SMOOTH
-    widths = sorted({max(SMOOTH / k, least) for k in NARROWER}, reverse=True)
-    if not case.logs[0].known.all() or least >= SMOOTH:
+    if not case.logs[0].known.all():
         return case
-    cases = [case, *(_started(case, width) for width in widths)]
+    least = NARROWEST * max(log.dt for log in case.fit.logs)
+    widths = sorted({max(SMOOTH / k, least) for k in NARROWER}, reverse=True)
+    cases = [case, *(_changed(case, partial(Log.started, width=w)) for w in widths)]
+    if max(log.dt for log in case.fit.logs) > SLOW:
+        cases.append(_changed(case, lambda log: replace(log, filtered=True)))
     keys = [k for k, key in enumerate(case.fit.keys) if key[1] == min(HORIZONS)]
     costs = [
         min(sum(float(np.mean(one.fit.errors(joint)[k] ** 2)) for k in keys) for joint in joints)
@@ -85,8 +91,9 @@ def sharp(case: Case, joints: Iterable[Joint]) -> Case:
     return cases[int(np.argmin(costs))]
 
 
-def _started(case: Case, width: float) -> Case:
-    logs = {id(log): log.started(width) for w in (case.fit, case.test, case.all) for log in w.logs}
+def _changed(case: Case, change: Callable[[Log], Log]) -> Case:
+    """Return a case with other logs."""
+    logs = {id(log): change(log) for w in (case.fit, case.test, case.all) for log in w.logs}
     fit, test, every = (
         replace(w, logs=tuple(logs[id(log)] for log in w.logs))
         for w in (case.fit, case.test, case.all)

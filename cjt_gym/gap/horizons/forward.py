@@ -196,7 +196,7 @@ class Forecast:
         self._work = np.zeros((WORK_ROWS, WORK_WIDTH))
         self._kind = kind_of(joint, log.voltage, torque="tau" in log.measured)
         self._given = given = Given(log.acting, log.pulling, log.first)
-        if not log.known.all():
+        if log.filtered or not log.known.all():
             states = observed(joint, self._batch, log, given, self._work)
             self._given = given._replace(states=states)
 

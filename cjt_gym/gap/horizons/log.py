@@ -63,6 +63,7 @@ class Log:
         whole: Where all channels were measured and no gap is near, shape (N,).
         temperature: Lowest and highest temperature reported by the drive [degC]; None if absent.
         past: Current from the beginning of the file up to the first sample [A], shape (M,).
+        filtered: Whether predictions start from what a filter of the joint estimates.
     """
 
     dt: float
@@ -84,6 +85,7 @@ class Log:
     whole: Flags
     temperature: tuple[float, float] | None = None
     past: Floats = field(default_factory=lambda: np.zeros(0))
+    filtered: bool = False
 
     def __len__(self) -> int:
         return len(self.t)
@@ -99,7 +101,7 @@ class Log:
 
     def started(self, width: float) -> Log:
         """Return the log with predictions that start from states smoothed over a time [s]."""
-        first = _smooth_states(self.angles, self.dt, width)
+        first = _smooth_states(self.angles, max(3, round(width / self.dt) | 1), self.dt)
         if self.with_speed:
             first[:, 3] = self.states[:, 3]
         return replace(self, first=first)
@@ -166,7 +168,7 @@ def to_log(
         shown["q_l"] = shown["q_l"] + zero
     held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
     angles = _angles(shown, held, structure, file)
-    states = _smooth_states(angles, dt)
+    states = _smooth_states(angles, _usual_count(dt), dt)
     with_speed = "dq_m" in even and is_slope(even["dq_m"], angles[:, 0], dt)
     if with_speed:
         states[:, 3] = even["dq_m"]
@@ -321,10 +323,13 @@ def _known(measured: dict[str, Floats], held: Floats | None, structure: Structur
     return np.array([q_m, q_g, q_l] * 2)
 
 
-def smoothed(x: Floats, dt: float, order: int = 0, width: float = SMOOTH) -> Floats:
+def smoothed(x: Floats, dt: float, order: int = 0) -> Floats:
     """Return a channel, or its derivative of order up to 2, smoothed by local parabolas."""
-    count = max(LEAST_SMOOTH, round(width / dt) | 1)
-    return np.asarray(savgol_filter(x, count, 2, deriv=order, delta=dt))
+    return np.asarray(savgol_filter(x, _usual_count(dt), 2, deriv=order, delta=dt))
+
+
+def _usual_count(dt: float) -> int:
+    return max(LEAST_SMOOTH, round(SMOOTH / dt) | 1)
 
 
 def _angles(
@@ -352,6 +357,9 @@ def _angles(
     return np.stack([q_m, q_g, q_m if load == motor else q_l], axis=1)
 
 
-def _smooth_states(angles: Floats, dt: float, width: float = SMOOTH) -> Floats:
-    """Return angles and their rates smoothed over a time, shape (N, 6)."""
-    return np.stack([smoothed(q, dt, order, width) for order in (0, 1) for q in angles.T], axis=1)
+def _smooth_states(angles: Floats, count: int, dt: float) -> Floats:
+    """Return angles and their rates, smoothed by parabolas of so many samples, shape (N, 6)."""
+    parts = [
+        savgol_filter(q, count, 2, deriv=order, delta=dt) for order in (0, 1) for q in angles.T
+    ]
+    return np.stack(parts, axis=1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.diagnosis import EVEN_CHANCE, MUCH_LEFT, Interval, NamedEffect
+from cjt_gym.gap.diagnosis import EVEN_CHANCE, LEVELLESS, MUCH_LEFT, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit
 from cjt_gym.gap.horizons.grow import is_needed
@@ -222,7 +222,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
         (test is not None and test.fall <= 0.0, "held-out data do not call for it"),
         (mimicked, "an error of the input or the angle may look like it"),
         (_is_unfelt(judged, term), "the torque does not show it"),
-        (endless, "nothing shows the level to which it falls"),
+        (endless, LEVELLESS),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
         (is_unknown(worst_row(judged)), "this record does not tell how much stays unexplained"),

@@ -81,6 +81,8 @@ def retold(
     rows = judged.rows
     stages = stages_of(first, judged, effects)
     verdict = verdict_of(judged, effects, suspected=bool(first.effects))
+    if verdict == "no_gap":
+        stages = {name: replace(gap, significant=False) for name, gap in stages.items()}
     unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")

@@ -136,7 +136,8 @@ def is_unknown(row: Row) -> bool:
 
 def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexplained:
     """Return the unexplained part and its description, from rows with a predictable error."""
-    row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
+    rows = left if verdict != "no_gap" else ()
+    row = max(rows, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
     said = _said(judged)
     if row is None or row.left is None:
         main = worst_row(judged)

@@ -257,6 +257,26 @@ def test_friction_is_not_asymmetric_where_the_directions_hardly_differ(
     assert ("damping" in found.confusable_with) == (status == "tentative")
 
 
+@pytest.mark.parametrize(("least", "status"), [(0.0, "tentative"), (0.1, "confirmed")])
+def test_friction_that_may_fall_to_nothing_is_not_confirmed(
+    told: Diagnosis, least: float, status: str
+) -> None:
+    """Drag that grows with the square of the speed, beside dry friction, looks like it."""
+    numbers = {
+        "d_cm": Interval(0.3, least, 0.6, "N m"),
+        "d_sm": Interval(0.5, 0.1, 0.9, "N m"),
+        "v_s": Interval(0.5, 0.3, 0.8, "rad/s"),
+    }
+    drag = {"d_m": Interval(2.1, 1.4, 2.9, "N m s/rad")}
+    laws = (("stribeck", numbers), ("damping", drag))
+    effects = tuple(
+        NamedEffect(name, "motor", "motor", None, n, "confirmed", 0.9, 0.2, (), 1.0)
+        for name, n in laws
+    )
+    found = allowed_by(replace(told, effects=effects), {}).effects
+    assert {effect.status for effect in found} == {status}
+
+
 def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Case) -> None:
     keys = (("tau", 0.02), ("tau", WHOLE))
     held: Any = SimpleNamespace(test=SimpleNamespace(keys=keys))

@@ -12,6 +12,7 @@ from cjt_gym.gap.horizons.windows import relative
 from cjt_gym.joint import Joint, get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.records import Record
+from tests.gap.horizons.rotor import datasheet
 from tests.gap.test_rough_logs import DT, TRUE, nominal
 
 HELD = get_structure("output_fixed_rigid_gearbox")
@@ -51,3 +52,19 @@ def test_the_noise_of_a_coarse_angle_is_smoothed_as_before() -> None:
 def test_the_true_joint_is_the_answer_however_its_angle_was_measured(noise: float) -> None:
     case = make_case([record(noise)], [], nominal(), HELD)
     assert judge(case, dry_joint(), lambda _: None, ["coulomb"]).answer == "stages"
+
+
+def test_a_slow_log_starts_from_what_the_joint_says_between_its_rows() -> None:
+    """At 100 Hz the slope over three rows is that of two commands."""
+    t = 0.01 * np.arange(1200)
+    amps = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 600), 2)
+    joint = Joint(datasheet(1.0), "rigid", "current", {})
+    made = joint.simulate(amps * joint.parameters.k_t * joint.parameters.n, dt=0.01)
+    columns = {"t": t, "i_cmd": amps, "q_m": made["true_q_m"]}
+    units = {"t": "s", "i_cmd": "A", "q_m": "rad"}
+    seen = Record(columns, units, structure="rigid")
+    case = make_case([seen], [], joint.file, get_structure("rigid"))
+    better = sharp(case, [case.joint])
+    before, after = (relative(c.test, c.test.errors(case.joint))[SOONEST] for c in (case, better))
+    assert before > 0.1
+    assert after < 0.01
