@@ -78,7 +78,8 @@ VAGUELY = 0.1
 that of cogging on five real records, of three to fifteen periods, was 0.01 to 0.05."""
 UNDAMPED = "the spring's damping d_gl, not stated, may take its place"
 BESIDE_ANOTHER = "the law of the friction beside it stays open"
-"""Doubts of a hysteresis of a spring, and of damping beside Stribeck friction without a level."""
+"""Doubts of a hysteresis of a spring, and of damping beside Stribeck friction without a level or
+beside friction that perhaps depends on the direction."""
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
 asymmetric: of two true ones that were alike, errors of the model made up to 2 %."""
@@ -333,10 +334,11 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     elif "damping" in excluded:
         why.setdefault("coulomb", "this record does not tell it from viscous friction")
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
-    if any(_falls_to_nothing(e) for e in open_):
+    open_ = [_perhaps_symmetric(e) for e in open_]
+    skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
+    if skewed or any(_falls_to_nothing(e) for e in open_):
         open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
     open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
-    open_ = [_perhaps_symmetric(e) for e in open_]
     effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
     for said in (said for fault, said in UNSOUND.items() if fault in advice):
         effects = tuple(e if e.name in MEASURES else e.doubted(said) for e in effects)

@@ -119,7 +119,13 @@ class Judgement:
 
     @property
     def unexplained(self) -> tuple[Row, ...]:
-        """Rows with a predictable remaining error."""
+        """Rows with a predictable remaining error.
+
+        One at the shortest horizon alone is of the measured start, if all further ahead is met.
+        """
+        further = [row for row in self.rows if row.seconds != min(HORIZONS)]
+        if further and all(row.found < TRIVIAL for row in further):
+            return ()
         return tuple(row for row in self.rows if row.unexplained)
 
 

@@ -31,6 +31,8 @@ named at all, tentatively."""
 STRAINED = 2.5
 """Number of stated tolerances up to which the other datasheet values may be off where an effect is
 confirmed: beyond that, something else is missing that they make up for."""
+SLIGHT = 0.02
+"""Relative change of a datasheet value that strains none, however narrow its tolerance is."""
 MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
 """Effects that position or a wrong input may mimic: confirmed only if they remove more than
 `MUCH` of the error."""
@@ -265,7 +267,7 @@ def _strained(judged: Judgement, term: Term) -> list[str]:
         stated = stated_tolerance(judged.case.joint, other) if other.key in given else None
         if stated and other.key != term.key:
             off = abs(float(np.log(values[0] / other.nominal[0])))
-            if off > STRAINED * stated:
+            if off > max(STRAINED * stated, SLIGHT):
                 names.append(other.numbers[0].symbol)
     return names
 

@@ -277,6 +277,18 @@ def test_friction_that_may_fall_to_nothing_is_not_confirmed(
     assert {effect.status for effect in found} == {status}
 
 
+@pytest.mark.parametrize("status", ["tentative", "confirmed"])
+def test_damping_is_as_sure_as_that_of_the_other_direction(told: Diagnosis, status: str) -> None:
+    back = {"d_m_n": Interval(245.0, 222.0, 268.0, "N m s/rad")}
+    ahead = {"d_m": Interval(161.0, 146.0, 177.0, "N m s/rad")}
+    effects = (
+        NamedEffect("damping", "motor", "motor", None, ahead, "confirmed", 0.9, 0.9, (), 1.0),
+        NamedEffect("viscous_asym", "motor", "motor", None, back, status, 0.9, 0.9, (), 1.0),
+    )
+    found = allowed_by(replace(told, effects=effects), {}).effects
+    assert [effect.status for effect in found] == [status, status]
+
+
 def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Case) -> None:
     keys = (("tau", 0.02), ("tau", WHOLE))
     held: Any = SimpleNamespace(test=SimpleNamespace(keys=keys))
@@ -284,6 +296,16 @@ def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Ca
     assert _loses(held, [short, own], [short, other])
     assert not _loses(held, [short, own], [short, near])
     assert not _loses(held, [own, short], [other, short]), "pieces of a tenth may drift"
+
+
+@pytest.mark.parametrize(("further", "open_"), [(0.02, False), (0.05, True)])
+def test_what_is_left_of_the_measured_start_alone_is_not_unexplained(
+    further: float, open_: bool, case: Case
+) -> None:
+    left = Predictable(0.6, 0.05)
+    sizes = {0.02: 0.08, 0.1: further, 0.5: 0.01}
+    rows = tuple(Row(s, "q_m", 1.0, None, x, 0.5 * x, left) for s, x in sizes.items())
+    assert bool(Judgement(case, "found", case.joint, rows).unexplained) == open_
 
 
 @pytest.mark.parametrize(
