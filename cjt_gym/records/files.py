@@ -179,7 +179,7 @@ def table_path(path_or_name: str | Path) -> Path:
         return _table_beside(path)
     if os.path.isfile(path):
         return path
-    if path.is_dir():
+    if os.path.isdir(path):
         raise RecordError(f"{path} is a folder. Name a log or a record in it.")
     hint = unknown_name("record", str(path_or_name), record_names())
     raise RecordError(f"There is no file {path}. {hint}")
