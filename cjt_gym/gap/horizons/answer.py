@@ -82,7 +82,7 @@ BESIDE_ANOTHER = "the law of the friction beside it stays open"
 beside friction that perhaps depends on the direction."""
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
-asymmetric: of two true ones that were alike, errors of the model made up to 2 %."""
+asymmetric: of equal friction in both, errors of the model have made 2 %."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -346,7 +346,7 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
 
 
 def _falls_to_nothing(effect: NamedEffect) -> bool:
-    """Return whether Stribeck friction may leave none at speed, as no dry friction does."""
+    """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
     levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
 

@@ -121,7 +121,8 @@ class Judgement:
     def unexplained(self) -> tuple[Row, ...]:
         """Rows with a predictable remaining error.
 
-        One at the shortest horizon alone is of the measured start, if all further ahead is met.
+        An error at the shortest horizon alone comes from the measured start and does not count if
+        everything further ahead is predicted.
         """
         further = [row for row in self.rows if row.seconds != min(HORIZONS)]
         if further and all(row.found < TRIVIAL for row in further):

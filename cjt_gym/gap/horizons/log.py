@@ -54,8 +54,8 @@ class Log:
         pulling: Load from each sample to the next, likewise, shape (N,).
         measured: Channels to predict, of q_m, q_l and tau, each of shape (N,).
         states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
-        first: The same as states from which predictions start, smoothed no longer than suits the
-            record, shape (N, 6).
+        first: States from which predictions start: the same, but smoothed no longer than suits
+            the record, shape (N, 6).
         angles: Angles of motor, gear and load, not smoothed, shape (N, 3).
         known: Which states were measured or follow from measured channels, shape (6,).
         acceleration: Smoothed acceleration of the motor [rad/s^2], shape (N,).

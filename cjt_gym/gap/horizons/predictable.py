@@ -21,7 +21,7 @@ FEATURES = 60
 FOLDS = 6
 RIDGES = np.geomspace(1e-2, 1e4, 9)
 NEXT = 0.01
-"""Time between the accelerations that show how the motion changes [s]."""
+"""Time between the accelerations that show how the motion has changed [s]."""
 FEWEST = 30
 """Fewest windows for a result."""
 CLIP = 4.0
@@ -44,7 +44,7 @@ class Predictable:
 def features(windows: Windows, key: tuple[str, float]) -> tuple[Floats, Floats]:
     """Return variables on which an error may depend, of unit deviation, shape (windows, n) each.
 
-    The first are state, input and its past, the second how the motion changes.
+    The first are state, input and its past, the second how the motion has changed until then.
     """
     horizon, rows, changes = key[1], [], []
     for group in windows.groups_of(key):
@@ -65,7 +65,7 @@ def features(windows: Windows, key: tuple[str, float]) -> tuple[Floats, Floats]:
                  log.t[start]], axis=1,
             )
         )  # fmt: skip
-        around = [np.clip(start + k * round(NEXT / log.dt), 0, len(log) - 1) for k in (-2, -1, 1)]
+        around = [np.clip(start + k * round(NEXT / log.dt), 0, len(log) - 1) for k in (-2, -1)]
         changes.append(
             np.stack([*(log.acceleration[k] for k in around), log.speed[around[0]]], axis=1)
         )
