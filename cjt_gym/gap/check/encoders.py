@@ -68,7 +68,7 @@ def angles_apart(view: View) -> list[str]:
     ]
 
 
-def in_step(
+def angles_in_step(
     records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
 ) -> tuple[list[Record], list[Record]]:
     """Return records and held-out records with both angles aligned to the same instants."""

@@ -2,17 +2,22 @@
 
 In most logs a row holds a command and the measurements taken before it acted, so that the current
 lags by one row even if the drive has no dead time. A larger lag may be due to the drive or the log;
-if it cannot be the drive, it is a fault of the log.
+if it cannot be the drive, it is a fault of the log. Other logs hold a command and what was measured
+after it acted.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from cjt_gym.gap.check.balance import factors, left_over
 from cjt_gym.gap.check.clock import even
+from cjt_gym.gap.check.encoders import angles_in_step
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
@@ -28,6 +33,11 @@ ALIKE = 0.3
 """Least correlation of changes for a current to follow its command."""
 ROWS = 0.7
 """Largest ratio of the mean square residual with a lag in rows to that with a lag in time."""
+SAME_ROW = 0.5
+"""Share of a current's mean square beyond its past and past commands that the command of its row
+leaves if it acted before."""
+EARLIER = 3
+"""Number of past commands."""
 SHIFTS = np.arange(-12.0, 24.01, 0.5)
 """Candidate shifts between motion and torque, in samples."""
 EXPLAINED = 0.5
@@ -47,6 +57,12 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
         return [], []
     if view.channels["i"].unit != view.channels["i_cmd"].unit:
         return [], []
+    if answers_in_its_row(max(view.records, key=len)):
+        return [], [
+            "i answers i_cmd in the command's own row: the log writes each command beside what was "
+            "measured after it acted. A diagnosis takes this into account; a mapping does, with "
+            "samples_late = 1 for i_cmd."
+        ]
     lag = _lag(view.stretches[0])
     if lag is None or abs(lag) <= LATE:
         return [], []
@@ -75,6 +91,46 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
         f"{said}: a dead time of the drive, or rows in which command and measurement belong to "
         f"different instants; {WHAT_TO_DO}."
     ]
+
+
+def answers_in_its_row(record: Record) -> bool:
+    """Return whether a current knows the command of its own row, beyond its past and theirs."""
+    if not {"i", "i_cmd"} <= set(record.columns):
+        return False
+    i, command = record["i"], record["i_cmd"]
+    now, rows = slice(EARLIER, None), len(i) - EARLIER
+    past = [i[EARLIER - 1 : -1]]
+    past += [command[EARLIER - k : EARLIER - k + rows] for k in range(1, EARLIER + 1)]
+    good = np.isfinite(np.stack([i[now], command[now], *past])).all(axis=0)
+    if good.sum() < 10 * EARLIER:
+        return False
+    past, y = [x[good] for x in (*past, np.ones(rows))], i[now][good]
+    both = [*past, command[now][good]]
+    shown = left_over(y, both) ** 2 < SAME_ROW * left_over(y, past) ** 2
+    return shown and factors(y, both)[-1] > 0.0
+
+
+def in_step(
+    records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
+) -> tuple[list[Record], list[Record]]:
+    """Return records and held-out records whose rows hold values of the same instant.
+
+    The angle of the load moves to the instants of the motor's, and commands to the rows before
+    they act.
+    """
+    both = angles_in_step(records, held, file, shape)
+    known = [record for some in both for record in some]
+    if not answers_in_its_row(max(known, key=len)):
+        return both
+    moved = [[_one_row_earlier(r) if "i_cmd" in r else r for r in some] for some in both]
+    return moved[0], moved[1]
+
+
+def _one_row_earlier(record: Record) -> Record:
+    """Return a record with each command in the row before its own."""
+    command = record["i_cmd"]
+    moved = record.with_columns({"i_cmd": np.append(command[1:], command[-1])})
+    return moved.slice(0, len(record) - 1)
 
 
 def motion_and_torque(view: View) -> tuple[list[str], list[str]]:

@@ -113,16 +113,18 @@ def observed(joint: Joint, batch: JointBatch, log: Log, given: Given, work: Floa
 
 
 def _gain(joint: Joint, batch: JointBatch, log: Log) -> Floats:
-    """Return the filter's gain for the bodies' states, shape (6, 3)."""
+    """Return the filter's gain for the bodies' states, shape (6, 3); 0 without an angle."""
     groups, p = joint.structure_row.groups, joint.parameters
     chain = _chain(groups, batch.arrays.p[0], log.dt)
+    gain = np.zeros((6, 3))
     seen = [k for k, n in enumerate(ANGLES) if n in log.measured and groups[k] >= 0]
+    if not seen:
+        return gain
     unit = p.k_t * p.n / (p.r if log.voltage else 1.0)
     torque = unit * float(np.std(log.command[log.whole]))
     torque = UNMODELLED * (torque or motor_inertia(joint) * float(np.std(log.acceleration)))
     noise = [_noise(log.measured[ANGLES[k]]) for k in seen]
     found, _ = kalman_gain(chain, [groups[k] for k in seen], (torque, 0.0, torque), noise)
-    gain = np.zeros((6, 3))
     for body, group in enumerate(groups):
         if group >= 0:
             gain[body, seen], gain[body + 3, seen] = found[group], found[group + chain.size]

@@ -85,10 +85,13 @@ def _share(before: Mapping[str, float], stage: str, ms: float) -> float:
 def out_of_sight(
     setting: Setting, judged_stages: Sequence[str], gap: GapSize
 ) -> tuple[Leftover, ...]:
-    """Return spring and load as unexplained if they are not judged and the replay is far off."""
+    """Return spring and load as unexplained if they are not judged and the replay is far off.
+
+    An error below the sensor's noise is not.
+    """
     free = setting.has_spring and not setting.structure.output_fixed
     seen = {"transmission", "load"} <= set(judged_stages)
-    if not free or seen or gap.after < UNSEEN:
+    if not free or seen or gap.after < max(UNSEEN, gap.floor):
         return ()
     share = min(gap.after / max(gap.before, gap.after), 1.0)
     return (Leftover("transmission", share, "the spring or the load, which nothing tells apart"),)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.check.encoders import in_step, late_angle
+from cjt_gym.gap.check.encoders import angles_in_step, late_angle
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.joint import JointFile, get_structure, load_joint
@@ -68,14 +68,14 @@ def test_the_fault_is_told_and_mended() -> None:
     told = [text for text in examine(record, sheet(), SHAPE).faults if "q_l follows q_m" in text]
     assert len(told) == 1
     assert "0.75 samples (3 ms)" in told[0]
-    (mended,), (held,) = in_step([record], [two_angles(3e-3, stiffness=3e3)], sheet(), SHAPE)
+    (mended,), (held,) = angles_in_step([record], [two_angles(3e-3, stiffness=3e3)], sheet(), SHAPE)
     assert len(held) == len(mended)
     with_speed = record.with_columns(
         {"dq_l": np.gradient(record["q_l"], record.t)}, {"dq_l": "rad/s"}
     )
-    (moved,), _ = in_step([with_speed], [], sheet(), SHAPE)
+    (moved,), _ = angles_in_step([with_speed], [], sheet(), SHAPE)
     assert moved["dq_l"][5:-5] == pytest.approx(np.gradient(moved["q_l"], DT)[5:-5], abs=1e-2)
     fresh = two_angles(0.0)
     assert len(record) - 1 <= len(mended) <= len(record)
     assert mended["q_l"] == pytest.approx(fresh["q_l"][: len(mended)], abs=1e-4)
-    assert in_step([fresh], [], sheet(), SHAPE) == ([fresh], [])
+    assert angles_in_step([fresh], [], sheet(), SHAPE) == ([fresh], [])

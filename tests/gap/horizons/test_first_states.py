@@ -68,3 +68,15 @@ def test_a_slow_log_starts_from_what_the_joint_says_between_its_rows() -> None:
     before, after = (relative(c.test, c.test.errors(case.joint))[SOONEST] for c in (case, better))
     assert before > 0.1
     assert after < 0.01
+
+
+def test_a_slow_log_without_an_angle_is_judged() -> None:
+    full = record(0.0)
+    tau = dry_joint().parameters.k_b * full["q_m"]
+    columns = {"t": full["t"], "i_cmd": full["i_cmd"], "tau": tau}
+    slow = {name: x[::5] for name, x in columns.items()}
+    seen = Record(slow, {"t": "s", "i_cmd": "A", "tau": "N m"}, structure=HELD.name)
+    case = make_case([seen], [], nominal(), HELD)
+    rows = judge(case, dry_joint(), lambda _: None, ["coulomb"]).rows
+    assert {row.channel for row in rows} == {"tau"}
+    assert all(np.isfinite(row.found) for row in rows)

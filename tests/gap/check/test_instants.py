@@ -1,0 +1,66 @@
+"""Logs that hold each command beside what was measured after it acted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap import diagnose
+from cjt_gym.gap.check import examine
+from cjt_gym.gap.check.instants import answers_in_its_row, in_step
+from cjt_gym.joint import get_structure
+from cjt_gym.records import Record
+from tests.gap.simulator import nominal, simulate
+
+HELD = get_structure("output_fixed_rigid_gearbox")
+
+
+def replies(seen: Record) -> Record:
+    """Return a log whose rows are a command and the drive's reply to it."""
+    later = {name: np.append(seen[name][1:], 0.0) for name in ("i", "q_m", "q_l", "tau")}
+    return seen.with_columns(later).slice(0, len(seen) - 1)
+
+
+@pytest.mark.parametrize("bandwidth", [None, 100.0])
+def test_a_reply_is_told_from_a_measurement_before_the_command(bandwidth: float | None) -> None:
+    def slow(wanted: np.ndarray) -> np.ndarray:
+        share, current = 1.0 - np.exp(-2.0 * np.pi * (bandwidth or 0.0) * 1e-3), [0.0]
+        for value in wanted:
+            current.append(current[-1] + share * (value - current[-1]))
+        return np.array(current[1:])
+
+    before = simulate(drive=slow if bandwidth else None)
+    after = replies(before)
+    assert not answers_in_its_row(before)
+    assert answers_in_its_row(after)
+    (same,), _ = in_step([before], [], nominal(), HELD)
+    assert same is before
+    (moved,), (held,) = in_step([after], [after], nominal(), HELD)
+    for record in (moved, held):
+        assert np.array_equal(record["i_cmd"], before["i_cmd"][1 : len(record) + 1])
+        assert np.array_equal(record["i"], before["i"][1 : len(record) + 1])
+
+
+def test_it_is_told_as_a_remark_not_as_a_fault() -> None:
+    found = examine(replies(simulate()), nominal(), HELD)
+    assert any("in the command's own row" in note for note in found.notes)
+    assert not any("instants" in fault for fault in found.faults)
+
+
+def test_a_command_that_answers_the_current_is_no_reply() -> None:
+    """A loop's command depends on the current measured in its row, with the opposite sign."""
+    rng = np.random.default_rng(0)
+    i, command = np.zeros(4000), np.zeros(4000)
+    for k in range(3, 4000):
+        i[k] = 0.6 * i[k - 1] + 0.4 * command[k - 3] + 0.1 * rng.standard_normal()
+        command[k] = 1.5 * np.sin(0.01 * k) - i[k]
+    columns = {"t": 1e-3 * np.arange(4000), "i_cmd": command, "i": i}
+    units = {"t": "s", "i_cmd": "A", "i": "A"}
+    assert not answers_in_its_row(Record(columns, units))
+
+
+def test_such_a_log_is_diagnosed_like_any_other() -> None:
+    found = diagnose(replies(simulate(seconds=6.0, friction=(5.0, 5.0))), nominal(), HELD.name)
+    assert found.verdict == "explained"
+    assert [(e.name, e.status) for e in found.effects] == [("coulomb", "confirmed")]
+    assert found.stages["drive"].after < 1.3
