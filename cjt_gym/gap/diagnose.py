@@ -94,9 +94,10 @@ def diagnose(
 
 def _nothing_moves(record: Record) -> RecordError:
     return RecordError(
-        f"{record.owner}: nothing moves by more than its noise, so that the record cannot tell "
-        "what moves the joint. Record motion: drive the joint far enough that it turns by a "
-        "thousand counts. cjt-gym check says what else to record."
+        f"{record.owner}: nothing moves by more than its noise, or all of it from one row to the "
+        "next, so that the record cannot tell what moves the joint. Record motion: drive the joint "
+        "far enough that it turns by a thousand counts, and log a hundred rows for each of its "
+        "swings. cjt-gym check says what else to record."
     )
 
 

@@ -36,6 +36,8 @@ ROWS = 0.7
 SAME_ROW = 0.5
 """Share of a current's mean square beyond its past and past commands that the command of its row
 leaves if it acted before."""
+UNKNOWN = 1e-3
+"""Least share of a current's deviation that its past leaves for that to be judged."""
 EARLIER = 3
 """Number of past commands."""
 SHIFTS = np.arange(-12.0, 24.01, 0.5)
@@ -57,11 +59,13 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
         return [], []
     if view.channels["i"].unit != view.channels["i_cmd"].unit:
         return [], []
-    if answers_in_its_row(max(view.records, key=len)):
+    longest = max(view.records, key=len)
+    if answers_in_its_row(longest):
+        told = ("measurements", "i_cmd", 1) if motion_answers_too(longest) else ("current", "i", -1)
         return [], [
-            "i answers i_cmd in the command's own row: the log writes each command beside what was "
-            "measured after it acted. A diagnosis takes this into account; a mapping does, with "
-            "samples_late = 1 for i_cmd."
+            f"i answers i_cmd in the command's own row: the log writes each command beside the "
+            f"{told[0]} after it acted. A diagnosis takes this into account; a mapping does, with "
+            f"samples_late = {told[2]} for {told[1]}."
         ]
     lag = _lag(view.stretches[0])
     if lag is None or abs(lag) <= LATE:
@@ -106,8 +110,47 @@ def answers_in_its_row(record: Record) -> bool:
         return False
     past, y = [x[good] for x in (*past, np.ones(rows))], i[now][good]
     both = [*past, command[now][good]]
-    shown = left_over(y, both) ** 2 < SAME_ROW * left_over(y, past) ** 2
-    return shown and factors(y, both)[-1] > 0.0
+    without = left_over(y, past)
+    shown = without > UNKNOWN * np.std(y) and left_over(y, both) ** 2 < SAME_ROW * without**2
+    return bool(shown) and factors(y, both)[-1] > 0.0
+
+
+def motion_answers_too(record: Record) -> bool:
+    """Return whether the motion of a row, too, knows the row's command.
+
+    Over two rows the speed changes by what the currents in between add. They are those of these
+    rows if all of them are read after the command, else those of one row earlier; a fast current is
+    the one at the end of a row, a slow one the mean of both ends.
+    """
+    if not {"q_m", "dq_m"} & set(record.columns):
+        return True
+    current = _without_noise(record)
+    if "q_m" in record:
+        q = record["q_m"]
+        change, motion = np.diff(q[1:], 2), [q[2:-1], q[3:] - q[1:-2], np.sign(q[3:] - q[1:-2])]
+        motion += [record["tau"][2:-1]] if "tau" in record else []
+    else:
+        v = record["dq_m"]
+        change, motion = v[3:] - v[1:-2], [v[2:-1], np.sign(v[2:-1])]
+    fast = current[2:-1] + current[3:], current[1:-2] + current[2:-1]
+    slow = fast[0] + fast[1], current[:-3] + 2.0 * current[1:-2] + current[2:-1]
+    good = np.isfinite(np.stack([change, *motion, *fast, *slow])).all(axis=0)
+    others = [x[good] for x in (*motion, np.ones(len(good)))]
+    after, before = (
+        min(left_over(change[good], [*others, x[good]]) for x in both)
+        for both in zip(fast, slow, strict=True)
+    )
+    return after < before
+
+
+def _without_noise(record: Record) -> Floats:
+    """Return a current as far as it follows from the commands up to its row, shape (N,)."""
+    i, command = record["i"], record["i_cmd"]
+    past = [np.append(np.full(k, np.nan), command[: len(i) - k]) for k in range(EARLIER + 1)]
+    columns = np.column_stack([*past, np.ones(len(i))])
+    good = np.isfinite(columns).all(axis=1) & np.isfinite(i)
+    share = np.linalg.lstsq(columns[good], i[good], rcond=None)[0]
+    return np.asarray(columns @ share)
 
 
 def in_step(
@@ -115,22 +158,25 @@ def in_step(
 ) -> tuple[list[Record], list[Record]]:
     """Return records and held-out records whose rows hold values of the same instant.
 
-    The angle of the load moves to the instants of the motor's, and commands to the rows before
-    they act.
+    The angle of the load moves to the instants of the motor's. Where a current answers its command
+    in the command's own row, the commands move to the row before if the motion answers there, too;
+    otherwise the currents move to the next.
     """
     both = angles_in_step(records, held, file, shape)
-    known = [record for some in both for record in some]
-    if not answers_in_its_row(max(known, key=len)):
+    longest = max((record for some in both for record in some), key=len)
+    if not answers_in_its_row(longest):
         return both
-    moved = [[_one_row_earlier(r) if "i_cmd" in r else r for r in some] for some in both]
+    name, rows = ("i_cmd", 1) if motion_answers_too(longest) else ("i", -1)
+    moved = [[_moved(r, name, rows) if name in r else r for r in some] for some in both]
     return moved[0], moved[1]
 
 
-def _one_row_earlier(record: Record) -> Record:
-    """Return a record with each command in the row before its own."""
-    command = record["i_cmd"]
-    moved = record.with_columns({"i_cmd": np.append(command[1:], command[-1])})
-    return moved.slice(0, len(record) - 1)
+def _moved(record: Record, name: str, late: int) -> Record:
+    """Return a record without one row, a channel of which is late by one row, or early (-1)."""
+    x = record[name]
+    if late > 0:
+        return record.with_columns({name: np.append(x[1:], x[-1])}).slice(0, len(x) - 1)
+    return record.with_columns({name: np.insert(x[:-1], 0, x[0])}).slice(1, len(x))
 
 
 def motion_and_torque(view: View) -> tuple[list[str], list[str]]:

@@ -74,14 +74,16 @@ def sharp(case: Case, joints: Iterable[Joint]) -> Case:
 
     Smoothing blurs the speed where friction turns round or a spring rings, and what is not smoothed
     is noise. The width is that from which one of some joints predicts best over the shortest
-    horizon. The states of a slow log may be those that a filter of each joint estimates.
+    horizon. The states of a slow log, or of a spring that rings, may be those that a filter of each
+    joint estimates.
     """
     if not case.logs[0].known.all():
         return case
     least = NARROWEST * max(log.dt for log in case.fit.logs)
     widths = sorted({max(SMOOTH / k, least) for k in NARROWER}, reverse=True)
     cases = [case, *(_changed(case, partial(Log.started, width=w)) for w in widths)]
-    if max(log.dt for log in case.fit.logs) > SLOW:
+    sprung = case.joint.structure_row.has_spring
+    if sprung or max(log.dt for log in case.fit.logs) > SLOW:
         cases.append(_changed(case, lambda log: replace(log, filtered=True)))
     keys = [k for k, key in enumerate(case.fit.keys) if key[1] == min(HORIZONS)]
     costs = [

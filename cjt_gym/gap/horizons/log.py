@@ -317,7 +317,7 @@ def _known(measured: dict[str, Floats], held: Floats | None, structure: Structur
     """Return which states follow from measured channels, shape (6,)."""
     motor, gear, load = structure.groups
     tau = "tau" in measured
-    q_m = "q_m" in measured or tau
+    q_m = "q_m" in measured or (tau and gear == motor)  # beyond a compliant gear inertia counts
     q_g = q_m if gear == motor else tau or (gear == load and "q_l" in measured)
     q_l = load < 0 or load == motor or "q_l" in measured or held is not None or tau
     return np.array([q_m, q_g, q_l] * 2)

@@ -104,26 +104,26 @@ def observed(joint: Joint, batch: JointBatch, log: Log, given: Given, work: Floa
         given: It for the kernel.
         work: Scratch space.
     """
-    out, own = np.empty_like(log.states), np.zeros((len(log), 3))
-    for k, name in enumerate(ANGLES):
-        own[:, k] = log.measured.get(name, own[:, k])
-    gain = _gain(joint, batch, log)
-    follow(batch.arrays, batch.setup, given, own, log.whole, gain, work, out)
+    out, gain = np.empty_like(log.states), _gain(joint, batch, log)
+    follow(batch.arrays, batch.setup, given, log.angles, log.whole, gain, work, out)
     return out
 
 
 def _gain(joint: Joint, batch: JointBatch, log: Log) -> Floats:
-    """Return the filter's gain for the bodies' states, shape (6, 3); 0 without an angle."""
+    """Return the filter's gain for the bodies' states, shape (6, 3).
+
+    Where no angle was measured, those that follow from the torque stand for it.
+    """
     groups, p = joint.structure_row.groups, joint.parameters
     chain = _chain(groups, batch.arrays.p[0], log.dt)
-    gain = np.zeros((6, 3))
-    seen = [k for k, n in enumerate(ANGLES) if n in log.measured and groups[k] >= 0]
-    if not seen:
-        return gain
+    free = [k for k in range(3) if groups[k] >= 0]
+    seen = [k for k in free if ANGLES[k] in log.measured]
+    seen = seen or [max(k for k in free if log.known[k])]
     unit = p.k_t * p.n / (p.r if log.voltage else 1.0)
     torque = unit * float(np.std(log.command[log.whole]))
     torque = UNMODELLED * (torque or motor_inertia(joint) * float(np.std(log.acceleration)))
-    noise = [_noise(log.measured[ANGLES[k]]) for k in seen]
+    noise = [_noise(log.angles[:, k]) for k in seen]
+    gain = np.zeros((6, 3))
     found, _ = kalman_gain(chain, [groups[k] for k in seen], (torque, 0.0, torque), noise)
     for body, group in enumerate(groups):
         if group >= 0:

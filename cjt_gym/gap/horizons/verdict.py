@@ -20,7 +20,7 @@ from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, OUTSIDE, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
-from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
+from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -120,7 +120,7 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
         main = main_row(judged)
         other = judged.answer == LEAST or bool(refined(judged, known=True))
-        moved = main.found < HALVED * main.datasheet and other
+        moved = main.found < HALVED * main.datasheet > HALVED * TRIVIAL and other
         open_ = loud or is_unknown(worst) or (open_ and (better or suspected))
         return "unexplained" if moved or open_ else "no_gap"
     return "partly_explained" if open_ else "explained"

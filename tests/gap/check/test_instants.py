@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,12 @@ def replies(seen: Record) -> Record:
     return seen.with_columns(later).slice(0, len(seen) - 1)
 
 
+def current_alone(seen: Record) -> Record:
+    """Return a log that reads the angles, sends the command and reads the current."""
+    later = seen.with_columns({"i": np.append(seen["i"][1:], 0.0)})
+    return later.slice(0, len(seen) - 1)
+
+
 @pytest.mark.parametrize("bandwidth", [None, 100.0])
 def test_a_reply_is_told_from_a_measurement_before_the_command(bandwidth: float | None) -> None:
     def slow(wanted: np.ndarray) -> np.ndarray:
@@ -35,15 +43,24 @@ def test_a_reply_is_told_from_a_measurement_before_the_command(bandwidth: float 
     assert answers_in_its_row(after)
     (same,), _ = in_step([before], [], nominal(), HELD)
     assert same is before
-    (moved,), (held,) = in_step([after], [after], nominal(), HELD)
-    for record in (moved, held):
-        assert np.array_equal(record["i_cmd"], before["i_cmd"][1 : len(record) + 1])
-        assert np.array_equal(record["i"], before["i"][1 : len(record) + 1])
+    rows = np.arange(1, len(before) - 1)
+    for mended in in_step([after], [after], nominal(), HELD):
+        for name in ("i_cmd", "i", "q_m"):
+            assert np.array_equal(mended[0][name], before[name][rows])
+    for mended in in_step([current_alone(before)], [], nominal(), HELD)[:1]:
+        for name in ("i_cmd", "i", "q_m"):
+            assert np.array_equal(mended[0][name][: len(rows)], before[name][rows])
 
 
-def test_it_is_told_as_a_remark_not_as_a_fault() -> None:
-    found = examine(replies(simulate()), nominal(), HELD)
-    assert any("in the command's own row" in note for note in found.notes)
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [(replies, "samples_late = 1 for i_cmd"), (current_alone, "samples_late = -1 for i.")],
+)
+def test_it_is_told_as_a_remark_not_as_a_fault(
+    written: Callable[[Record], Record], said: str
+) -> None:
+    found = examine(written(simulate()), nominal(), HELD)
+    assert any(said in note for note in found.notes)
     assert not any("instants" in fault for fault in found.faults)
 
 
@@ -59,8 +76,9 @@ def test_a_command_that_answers_the_current_is_no_reply() -> None:
     assert not answers_in_its_row(Record(columns, units))
 
 
-def test_such_a_log_is_diagnosed_like_any_other() -> None:
-    found = diagnose(replies(simulate(seconds=6.0, friction=(5.0, 5.0))), nominal(), HELD.name)
+@pytest.mark.parametrize("written", [replies, current_alone])
+def test_such_a_log_is_diagnosed_like_any_other(written: Callable[[Record], Record]) -> None:
+    found = diagnose(written(simulate(seconds=6.0, friction=(5.0, 5.0))), nominal(), HELD.name)
     assert found.verdict == "explained"
     assert [(e.name, e.status) for e in found.effects] == [("coulomb", "confirmed")]
     assert found.stages["drive"].after < 1.3
