@@ -43,9 +43,13 @@ def test_turns_of_a_speed_that_an_angle_resolves_are_not_smoothed_away() -> None
     assert np.array_equal(case.logs[0].speed, sharper.logs[0].speed), "regressions stay the same"
 
 
-def test_the_noise_of_a_coarse_angle_is_smoothed_as_before() -> None:
-    case = make_case([record(1e-3)], [], nominal(), HELD)
-    assert sharp(case, [case.joint, dry_joint()]) is case
+def test_the_noise_of_a_coarse_angle_is_filtered() -> None:
+    case = make_case([record(1e-4)], [], nominal(), HELD)
+    sharper = sharp(case, [case.joint, dry_joint()])
+    before, after = (relative(c.test, c.test.errors(dry_joint()))[SOONEST] for c in (case, sharper))
+    assert after < 0.9 * before
+    assert sharper.logs[0].filtered
+    assert np.array_equal(case.logs[0].first, sharper.logs[0].first)
 
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-3])
