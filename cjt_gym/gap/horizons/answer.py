@@ -22,6 +22,7 @@ from cjt_gym.gap.diagnosis import (
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import held_alike
+from cjt_gym.gap.horizons.inverse import drag_law
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import LATE, of_drive
@@ -80,6 +81,8 @@ UNDAMPED = "the spring's damping d_gl, not stated, may take its place"
 BESIDE_ANOTHER = "the law of the friction beside it stays open"
 """Doubts of a hysteresis of a spring, and of damping beside Stribeck friction without a level or
 beside friction that perhaps depends on the direction."""
+DRAGS = ("damping", "viscous_asym")
+"""Effects whose drag grows in proportion to the speed."""
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
 asymmetric: of equal friction in both, errors of the model have made 2 %."""
@@ -125,7 +128,7 @@ def judged(
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         told = _held(_doubted(_cleared(first, found), found), found)
-        told = _with_late_drive(told, found)
+        told = _with_drag(_with_late_drive(told, found), found)
         strained = gave_way(found, told.effects)
         if strained:
             effects = (e if e.name in MEASURES else e.doubted(GAVE_WAY) for e in told.effects)
@@ -136,13 +139,23 @@ def judged(
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = retold(first, found, excluded, title_of(records[0]))
     told = _with_elsewhere(told, first, measured=any("i" in one for one in records))
-    told = allowed_by(told, excluded)
+    told = allowed_by(_with_drag(told, found), excluded)
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
     if not told.effects and not found.cut and main_row(found).found > LOUD:
         dry = tuple(e for e in first.effects if e.name in DRY)
         return _suspected(told, first, dry, FURTHER)
     return told
+
+
+def _with_drag(told: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis that confirms no damping where the drag has another law."""
+    law = drag_law(found.case.joint, found.case.logs)
+    if not law or any(e.name == "stribeck" and e.status == "confirmed" for e in told.effects):
+        return told
+    why = f"the drag grows {law} than in proportion to the speed"
+    effects = (e.doubted(why) if e.name in DRAGS else e for e in told.effects)
+    return replace(told, effects=tuple(effects))
 
 
 def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Diagnosis:

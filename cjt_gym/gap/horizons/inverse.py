@@ -48,6 +48,8 @@ PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4
 DRAG, HALF = "damping", 0.5
 """Effect that may be too small to be detected but whose torque others absorb if it is left out,
 and the share of another effect that must remain once it is included."""
+LIKELY = 2.0
+"""Least reduction in standard deviations for another law of the drag to be likely."""
 BENT = 0.3
 """Least share of the error that friction over a path must remove from a regression that has the
 sign of the speed in its place."""
@@ -176,6 +178,21 @@ def feels_weight(joint: Joint, logs: Sequence[Log]) -> bool:
     full, less = (_predicted(columns, torque, n)[0] for n in ([*PLACES], beside))
     share, clear = _gain("gravity", full, less)
     return share >= SPENT and clear >= CLEAR
+
+
+def drag_law(joint: Joint, logs: Sequence[Log]) -> str:
+    """Return how the drag departs from growing in proportion to the speed; "" if it does not."""
+    columns, torque = _moving(joint, logs)
+    if len(torque) < BLOCKS * SHORTEST:
+        return ""
+    speed = columns[:, 1]
+    plain, bent_too = (
+        predicted(x, torque) for x in (columns, np.column_stack([columns, speed * np.abs(speed)]))
+    )
+    share, clear = gain(bent_too[0], plain[0])
+    if share < SPENT or max(clear, steady_gain(bent_too[0], plain[0])) < LIKELY:
+        return ""
+    return "faster" if float(bent_too[1][:, -1].mean()) > 0.0 else "more slowly"
 
 
 def _new(joint: Joint, damping: Spent) -> bool:

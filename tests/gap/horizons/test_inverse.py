@@ -14,7 +14,13 @@ from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.bristles import bent, ways
 from cjt_gym.gap.horizons.by_torque import told_by_torque
 from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.inverse import feels_weight, inverse, seen_in_torque, spent
+from cjt_gym.gap.horizons.inverse import (
+    drag_law,
+    feels_weight,
+    inverse,
+    seen_in_torque,
+    spent,
+)
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
@@ -93,6 +99,31 @@ def test_a_damping_too_small_to_be_seen_does_not_make_friction_larger(arm: Joint
     beside, taken = np.mean(off, axis=0)
     assert taken > 0.5, "of its torque on average, were it left out"
     assert abs(beside) < 0.5 * taken
+
+
+@pytest.mark.parametrize(
+    ("exponent", "law"), [(1.0, ""), (2.0, "faster"), (0.5, "more slowly")]
+)
+def test_the_law_of_the_drag_is_told(exponent: float, law: str) -> None:
+    t = 2e-3 * np.arange(6000)
+    pull = 0.3 * np.sin(2.0 * np.pi * 0.5 * t) + 0.2 * np.sin(2.0 * np.pi * 1.7 * t + 1.0)
+    q, v, h, angle = 0.0, 0.0, 1e-4, np.zeros(len(t))
+    for k, torque in enumerate(pull):
+        angle[k] = q
+        for _ in range(20):
+            free = v + h * (torque - 0.08 * np.sign(v) * abs(v) ** exponent) / ROTOR
+            v = free - min(max(free, -h * 0.05 / ROTOR), h * 0.05 / ROTOR)
+            q += h * v
+    columns = {"t": t, "i_cmd": pull, "q_m": angle}
+    record = Record(columns, {"t": "s", "i_cmd": "A", "q_m": "rad"}, structure="rigid")
+    case = make_case([record], [], datasheet(1.0), get_structure("rigid"))
+    assert drag_law(case.joint, case.logs) == law
+    named = {e.name: e for e in diagnose(record, datasheet(1.0), "rigid").effects}
+    if law and "damping" in named:
+        assert named["damping"].status == "tentative"
+    elif not law:
+        assert {"damping", "coulomb"} <= named.keys()
+        assert "in proportion" not in named["damping"].doubt
 
 
 def test_a_constant_torque_is_felt_as_no_weight(arm: JointFile) -> None:
