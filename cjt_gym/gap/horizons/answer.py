@@ -316,9 +316,12 @@ def _held(first: Diagnosis, found: Judgement) -> Diagnosis:
 
 
 def _is_predictable(row: Row) -> bool:
-    """Return whether most of an error that is not small seems predictable."""
-    matters = row.seconds > min(HORIZONS) and row.found > NEAR
-    return matters and row.left is not None and row.left.share > MOSTLY
+    """Return whether most of an error seems predictable.
+
+    It must not be small, and over the shortest horizon, which depends on the measured start, large.
+    """
+    least = NEAR if row.seconds > min(HORIZONS) else LOUD
+    return row.found > least and row.left is not None and row.left.share > MOSTLY
 
 
 def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
