@@ -18,7 +18,7 @@ from cjt_gym.gap.stages.as_rows import ROWS, Found, Number, in_symbols
 from cjt_gym.joint import EFFECTS, Effect, JointFile
 from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import body_of
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.quantity import WIDEST, Quantity
 from cjt_gym.joint.quantity import Setting as Entry
 
 ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
@@ -173,7 +173,7 @@ def _refined(
     """Return the refined datasheet values; both directions move together."""
     found = {}
     for symbol, numbers in refined.items():
-        value, deviation = numbers
+        value, deviation = numbers[0], min(numbers[1], WIDEST)
         old = quantities[symbol]
         how = "corrected from the guess of" if old.guess else "refined from"
         inside = not old.guess and abs(value - old.number) <= TOLERATED * (

@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 from cjt_gym.errors import ParameterError, unknown_key
 
 Value = TypeVar("Value")
+WIDEST = 2.0
+"""Largest tolerance; a larger one is a percentage by mistake, or a guess."""
 QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "guess", "asymmetric", "low", "high")
 
 
@@ -186,10 +188,11 @@ def _parse_text(value: object, owner: str) -> str:
 
 def _parse_tolerance(value: object, owner: str) -> float:
     tolerance = _parse_number(value, f"tolerance of {owner}")
-    if tolerance < 0.0:
+    if not 0.0 <= tolerance <= WIDEST:
         raise ParameterError(
-            f"tolerance of {owner} must be >= 0 (one sigma, relative to the value), "
-            f"got {tolerance:.10g}."
+            f"tolerance of {owner} must be >= 0 and at most {WIDEST:g} (one sigma, relative to the "
+            f"value: 0.05 is 5 %), got {tolerance:.10g}. If nothing is known of the value, write "
+            "guess = true instead."
         )
     return tolerance
 

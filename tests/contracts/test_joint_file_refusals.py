@@ -93,6 +93,10 @@ REFUSED = {
         entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = -0.1 }'),
         ["tolerance of k_b", ">= 0", "got -0.1."],
     ),
+    "tolerance in per cent": (
+        entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = 5 }'),
+        ["tolerance of k_b", "at most 2", "0.05 is 5 %", "got 5", "guess = true"],
+    ),
     "guess with a tolerance": (
         entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = 0.1, guess = true }'),
         ["k_b of", "either a tolerance or guess = true", "got both"],
