@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap.by_stages import Ask, by_stages
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.check.faults import SLOPES, UNITS
+from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
 from cjt_gym.gap.horizons.answer import allowed_by, judged
 from cjt_gym.gap.horizons.model import MEASURES

@@ -61,9 +61,7 @@ def test_no_cause_is_confirmed(shape: str, channels: tuple[str, ...], dt: float)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("shape", "channels", "dt"), [case for case in EVERY if case not in USUAL]
-)
+@pytest.mark.parametrize(("shape", "channels", "dt"), [case for case in EVERY if case not in USUAL])
 def test_no_cause_is_confirmed_whatever_is_logged(
     shape: str, channels: tuple[str, ...], dt: float
 ) -> None:

@@ -101,9 +101,7 @@ def test_a_damping_too_small_to_be_seen_does_not_make_friction_larger(arm: Joint
     assert abs(beside) < 0.5 * taken
 
 
-@pytest.mark.parametrize(
-    ("exponent", "law"), [(1.0, ""), (2.0, "faster"), (0.5, "more slowly")]
-)
+@pytest.mark.parametrize(("exponent", "law"), [(1.0, ""), (2.0, "faster"), (0.5, "more slowly")])
 def test_the_law_of_the_drag_is_told(exponent: float, law: str) -> None:
     t = 2e-3 * np.arange(6000)
     pull = 0.3 * np.sin(2.0 * np.pi * 0.5 * t) + 0.2 * np.sin(2.0 * np.pi * 1.7 * t + 1.0)
