@@ -77,12 +77,17 @@ def _row(effect: NamedEffect) -> list[str]:
 
 
 def _doubts(effects: Sequence[NamedEffect]) -> list[str]:
-    """Return why effects are tentative, those of one reason together."""
+    """Return why effects are tentative, those of one reason together, and what looks alike."""
     names: dict[str, dict[str, None]] = {}  # each once, though it may act on several channels
     for effect in effects:
         if effect.doubt:
             names.setdefault(effect.doubt, {})[effect.name] = None
     said = [f"{joined(list(some))}: tentative, as {why}" for why, some in names.items()]
+    for effect in effects:
+        rivals = [name for name in effect.confusable_with if name not in effect.doubt]
+        if effect.status == "tentative" and rivals:
+            said.append(f"{effect.name}: {joined(rivals, 'or')} may take its place")
+    said = list(dict.fromkeys(said))
     return [textwrap.shorten(line, WIDTH, placeholder=" …") for line in said]
 
 

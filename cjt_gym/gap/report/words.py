@@ -116,9 +116,9 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{number(value, digits)} {unit}".replace(" ", SPACE)
 
 
-def joined(words: Sequence[str]) -> str:
+def joined(words: Sequence[str], link: str = "and") -> str:
     """Return words as a list in a sentence."""
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {link} {words[-1]}"
 
 
 def effect_name(name: str, body: str | None = None, channel: str | None = None) -> str:
