@@ -31,5 +31,13 @@ def test_a_late_velocity_is_still_a_slope_and_another_one_is_not() -> None:
     assert not is_scaled(factor, rest)
 
 
+def test_a_short_stretch_has_more_than_one_slope() -> None:
+    few = slice(0, 60)
+    noisy = SPEED + np.random.default_rng(2).normal(0.0, 2.0, len(T))
+    factor, _, rest = integrated(noisy[few], ANGLE[few], DT)
+    assert rest > 0.0
+    assert not is_scaled(factor, rest)
+
+
 def test_an_angle_that_does_not_move_has_no_slope() -> None:
     assert not is_slope(SPEED, np.zeros_like(ANGLE), DT)

@@ -28,6 +28,8 @@ SLOWEST_HELD = 0.1
 """The same with a held output, whose mechanics are quick: a drive that controls a torque."""
 LONGEST_DELAY = 0.06
 """Longest dead time of a command [s], as when a computer drives an amplifier over a network."""
+WIDEST = np.pi
+"""Widest backlash [rad]: angles that drift apart by more are integrated from velocities, say."""
 HEAVIEST = 10.0
 """Largest gravity torque considered, as a multiple of the rarely exceeded torque: that of a
 pendulum that is swung up exceeds its motor's."""
@@ -339,11 +341,11 @@ def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     swing = [np.abs(log.states[:, 1] - log.states[:, 2]) for log in logs]
     reach = max(float(np.percentile(x - x.min(), 99)) for x in swing) or 1e-3
     k_b = p.get("k_b", 0.0)
-    gap = Free("gap", "rad", 0.0, 0.05 * reach, low=0.0, high=2.0 * reach)
+    gap = Free("gap", "rad", 0.0, 0.05 * reach, low=0.0, high=min(2.0 * reach, WIDEST))
     cubic = Free("k_3", "N m/rad^3", 0.0, 0.1 * k_b / reach**2, low=0.0)
     found = [
         Term("backlash", (gap,), sets("backlash", "gap"), nominal=(0.0,),
-             starts=((0.1 * reach,), (0.4 * reach,))),
+             starts=((min(0.1 * reach, 0.1 * WIDEST),), (min(0.4 * reach, 0.4 * WIDEST),))),
         Term("hardening", (cubic,), sets("hardening", "k_3"), nominal=(0.0,),
              starts=((0.2 * k_b / reach**2,),)),
     ]  # fmt: skip

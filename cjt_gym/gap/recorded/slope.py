@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 
 Floats = NDArray[np.float64]
 AHEAD = 0.5
-"""Time over which a velocity is integrated [s]."""
+"""Time over which a velocity is integrated [s], or half the record's if that is shorter."""
 FEWEST = 5
 """Fewest samples over which it is."""
 ASTRAY = 0.15
@@ -31,7 +31,7 @@ def integrated(speed: Floats, angle: Floats, dt: float) -> tuple[float, float, f
         The factor from the change to the integral, and the relative deviations of the integral
         from the change and from the change times the factor.
     """
-    rows = min(max(round(AHEAD / dt), FEWEST), len(angle) - 1)
+    rows = min(max(round(AHEAD / dt), FEWEST), max(len(angle) // 2, 1))
     way = angle[rows:] - angle[:-rows]
     total = cumulative_trapezoid(speed, dx=dt, initial=0.0)
     turned = total[rows:] - total[:-rows]
