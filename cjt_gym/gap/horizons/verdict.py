@@ -307,7 +307,7 @@ def _regressed(joint: Joint, words: str, effect: str, symbol: str) -> str:
 def _imposed(judged: Judgement) -> str:
     """Return a sentence on an unrealistic inertia where something else imposes the motion."""
     fit = _fit(judged)
-    if fit is None or main_row(judged).found < LOUD:
+    if fit is None or all(row.found < LOUD for row in judged.rows):
         return ""
     joint, (first, *_) = judged.case.joint, fit.model.values(fit.z)
     total = motor_inertia(joint)
