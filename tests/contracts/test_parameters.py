@@ -27,7 +27,7 @@ from cjt_gym.joint.parameter_table import (
     sensor_units,
 )
 from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity, Setting
+from cjt_gym.joint.quantity import WIDEST, Quantity, Setting
 from cjt_gym.joint.toml_format import parse_document
 from tests.contracts.written_joints import entries, write
 
@@ -281,7 +281,7 @@ NUMBER = st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0)
 def quantities(
     unit: st.SearchStrategy[str], value: st.SearchStrategy[Any]
 ) -> st.SearchStrategy[Quantity]:
-    tolerance = st.floats(0.0, 1e6).map(lambda x: x + 0.0)
+    tolerance = st.floats(0.0, WIDEST).map(lambda x: x + 0.0)
     known = st.builds(Quantity, value, unit, st.just("") | TEXT, st.none() | tolerance)
     return known | st.builds(Quantity, value, unit, guess=st.booleans())
 
