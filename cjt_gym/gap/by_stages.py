@@ -10,6 +10,7 @@ import numpy as np
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
+    TOO_FAR_OFF,
     Diagnosis,
     NamedEffect,
     StageGap,
@@ -173,7 +174,7 @@ def _report(
     # refined within their tolerances if that leaves no gap.
     explains = bool(named)
     if not explains and not found.left:
-        found = replace(found, left=_beyond_tolerance(problem.mean_square(all_before)))
+        found = replace(found, left=_beyond_tolerance(found, problem.mean_square(all_before)))
     refined = explains or not found.left
     fit = found.fit if explains else found.base
     if refined:
@@ -254,10 +255,18 @@ def _within_tolerance(found: Explanation) -> Written:
     return written(problem, Model(), z)
 
 
-def _beyond_tolerance(mean_square: Mapping[str, float]) -> tuple[Leftover, ...]:
+def _beyond_tolerance(found: Explanation, mean_square: Mapping[str, float]) -> tuple[Leftover, ...]:
     """Return the stages explained only by values beyond their tolerances, worst first."""
     far = [(ms, name) for name, ms in mean_square.items() if ms > FAR**2]
-    text = "datasheet values that are further off than their tolerances"
+    problem, nominal = found.problem, found.problem.stages.setting.nominal
+    known = problem.stages.setting.joint.parameters.quantities
+    values = problem.fields(Model(), found.base.z)
+    off = ", ".join(
+        f"{n.field} = {values[n.field]:.3g} for {nominal[n.field]:.3g}"
+        for n, z in zip(problem.shared, found.base.z, strict=True)
+        if n.field in known and abs(z) > WITHIN
+    )
+    text = f"{TOO_FAR_OFF} ({off})" if off else TOO_FAR_OFF
     return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from cjt_gym.gap.candidates.separated import advice
-from cjt_gym.gap.diagnosis import Diagnosis, Horizon, NamedEffect, Suggestion
+from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, Suggestion
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
@@ -75,7 +75,10 @@ def retold(
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
-    if judged.cut and first.verdict == "unexplained":  # the cause is not in the table
+    # If the stages find no cause in the table, it is not there, unless it is a datasheet value.
+    told = TOO_FAR_OFF in first.unexplained.text and not judged.unexplained
+    outside = judged.cut and first.verdict == "unexplained" and not told
+    if outside:
         said = "its cause may not be in the table"
         effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)
     rows = judged.rows
@@ -88,7 +91,7 @@ def retold(
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
     elif said := corrected(judged) if effects else refined(judged):
         unexplained = replace(unexplained, text=f"{said} {unexplained.text}")
-    if judged.cut and first.verdict == "unexplained":
+    if outside:
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
     elif first.unexplained.missing:
         text = " ".join((unexplained.text, *first.unexplained.missing))
