@@ -262,7 +262,7 @@ def _beyond_tolerance(found: Explanation, mean_square: Mapping[str, float]) -> t
     known = problem.stages.setting.joint.parameters.quantities
     values = problem.fields(Model(), found.base.z)
     off = ", ".join(
-        f"{n.field} = {values[n.field]:.3g} for {nominal[n.field]:.3g}"
+        f"{n.field} = {values[n.field]:.3g} for {nominal[n.field]:.3g} {known[n.field].unit}"
         for n, z in zip(problem.shared, found.base.z, strict=True)
         if n.field in known and abs(z) > WITHIN
     )

@@ -59,13 +59,13 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
         return [], []
     if view.channels["i"].unit != view.channels["i_cmd"].unit:
         return [], []
-    longest = max(view.records, key=len)
-    if answers_in_its_row(longest):
-        told = ("measurements", "i_cmd", 1) if motion_answers_too(longest) else ("current", "i", -1)
+    if (off := misplaced(max(view.records, key=len))) is not None:
+        name, rows = off
+        beside = "the measurements" if name == "i_cmd" else "the current"
         return [], [
-            f"i answers i_cmd in the command's own row: the log writes each command beside the "
-            f"{told[0]} after it acted. A diagnosis takes this into account; a mapping does, with "
-            f"samples_late = {told[2]} for {told[1]}."
+            "i answers i_cmd in the command's own row: the log writes each command beside "
+            f"{beside} after it acted. A diagnosis takes this into account; a mapping does, with "
+            f"samples_late = {rows} for {name}."
         ]
     lag = _lag(view.stretches[0])
     if lag is None or abs(lag) <= LATE:
@@ -115,7 +115,14 @@ def answers_in_its_row(record: Record) -> bool:
     return bool(shown) and factors(y, both)[-1] > 0.0
 
 
-def motion_answers_too(record: Record) -> bool:
+def misplaced(record: Record) -> tuple[str, int] | None:
+    """Return the channel, i or i_cmd, that is one row late (1) or early (-1), or None."""
+    if not answers_in_its_row(record):
+        return None
+    return ("i_cmd", 1) if _motion_answers_too(record) else ("i", -1)
+
+
+def _motion_answers_too(record: Record) -> bool:
     """Return whether the motion of a row, too, knows the row's command.
 
     Over two rows the speed changes by what the currents in between add. They are those of these
@@ -163,10 +170,10 @@ def in_step(
     otherwise the currents move to the next.
     """
     both = angles_in_step(records, held, file, shape)
-    longest = max((record for some in both for record in some), key=len)
-    if not answers_in_its_row(longest):
+    off = misplaced(max((record for some in both for record in some), key=len))
+    if off is None:
         return both
-    name, rows = ("i_cmd", 1) if motion_answers_too(longest) else ("i", -1)
+    name, rows = off
     moved = [[_moved(r, name, rows) if name in r else r for r in some] for some in both]
     return moved[0], moved[1]
 

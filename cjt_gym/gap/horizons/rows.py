@@ -341,11 +341,12 @@ def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     swing = [np.abs(log.states[:, 1] - log.states[:, 2]) for log in logs]
     reach = max(float(np.percentile(x - x.min(), 99)) for x in swing) or 1e-3
     k_b = p.get("k_b", 0.0)
-    gap = Free("gap", "rad", 0.0, 0.05 * reach, low=0.0, high=min(2.0 * reach, WIDEST))
+    play = min(reach, 0.5 * WIDEST)
+    gap = Free("gap", "rad", 0.0, 0.05 * play, low=0.0, high=2.0 * play)
     cubic = Free("k_3", "N m/rad^3", 0.0, 0.1 * k_b / reach**2, low=0.0)
     found = [
         Term("backlash", (gap,), sets("backlash", "gap"), nominal=(0.0,),
-             starts=((min(0.1 * reach, 0.1 * WIDEST),), (min(0.4 * reach, 0.4 * WIDEST),))),
+             starts=((0.1 * play,), (0.4 * play,))),
         Term("hardening", (cubic,), sets("hardening", "k_3"), nominal=(0.0,),
              starts=((0.2 * k_b / reach**2,),)),
     ]  # fmt: skip

@@ -44,12 +44,12 @@ def test_a_reply_is_told_from_a_measurement_before_the_command(bandwidth: float 
     (same,), _ = in_step([before], [], nominal(), HELD)
     assert same is before
     rows = np.arange(1, len(before) - 1)
-    for mended in in_step([after], [after], nominal(), HELD):
+    for (moved,) in in_step([after], [after], nominal(), HELD):
         for name in ("i_cmd", "i", "q_m"):
-            assert np.array_equal(mended[0][name], before[name][rows])
-    for mended in in_step([current_alone(before)], [], nominal(), HELD)[:1]:
-        for name in ("i_cmd", "i", "q_m"):
-            assert np.array_equal(mended[0][name][: len(rows)], before[name][rows])
+            assert np.array_equal(moved[name], before[name][rows])
+    (mended,), _ = in_step([current_alone(before)], [], nominal(), HELD)
+    for name in ("i_cmd", "i", "q_m"):
+        assert np.array_equal(mended[name][: len(rows)], before[name][rows])
 
 
 @pytest.mark.parametrize(
