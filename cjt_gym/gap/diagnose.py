@@ -21,6 +21,7 @@ from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.series import Stretch, stretches
 from cjt_gym.gap.recorded.usable import check_one_joint, copies, measured_only
 from cjt_gym.gap.stages.select import Progress, silent
+from cjt_gym.gap.stages.smoothing import with_smoothing
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
 from cjt_gym.joint.configure import resolve_effects
@@ -75,6 +76,7 @@ def diagnose(
     repeated = {name: command for one in given for name, command in copies(one).items()}
     given, held = in_step(measured_only(given), measured_only(held), file, shape)
     whole = stretches(given)
+    file = with_smoothing(file, shape, whole)
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
         turnable = len(given) == len(held) == 1
         found, ask = by_stages(whole, stretches(held), file, shape, progress, turnable=turnable)

@@ -17,6 +17,7 @@ from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
     NamedEffect,
+    Suggestion,
     Unexplained,
 )
 from cjt_gym.gap.horizons.by_torque import DRY
@@ -38,6 +39,7 @@ from cjt_gym.gap.horizons.verdict import (
 )
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
+from cjt_gym.gap.recorded.tolerances import is_left_open
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -108,7 +110,7 @@ def judged(
         shape: Structure of the joint.
         progress: Called with a description of the current step.
     """
-    first = _without_guesses(first, file)
+    first = _without_open(first, file)
     if file.parameters.get("d_gl", 0.0) <= 0.0:
         effects = (
             e.doubted(UNDAMPED) if e.name == "spring_hysteresis" else e for e in first.effects
@@ -324,15 +326,22 @@ def _is_predictable(row: Row) -> bool:
     return row.found > least and row.left is not None and row.left.share > MOSTLY
 
 
-def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
-    """Return a diagnosis in which guessed datasheet values are no causes."""
-    known = file.parameters.quantities
-    guessed = [e for e in first.effects if all(n in known and known[n].guess for n in e.parameters)]
-    if not guessed:
+def _without_open(first: Diagnosis, file: JointFile) -> Diagnosis:
+    """Return a diagnosis in which datasheet values that are left open are no causes."""
+    effects = tuple(
+        e
+        for e in first.effects
+        if not is_left_open(file, e.name, {s: one.value for s, one in e.parameters.items()})
+    )
+    if effects == first.effects:
         return first
-    effects = tuple(e for e in first.effects if e not in guessed)
-    verdict = first.verdict if effects else "unexplained" if first.unexplained.share else "no_gap"
-    return replace(first, verdict=verdict, effects=effects)
+    if effects or first.unexplained.share:
+        verdict = first.verdict if effects else "unexplained"
+        return replace(first, verdict=verdict, effects=effects)
+    stages = {name: replace(one, significant=False) for name, one in first.stages.items()}
+    return replace(
+        first, verdict="no_gap", effects=(), stages=stages, suggestion=Suggestion(ENOUGH)
+    )
 
 
 def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:

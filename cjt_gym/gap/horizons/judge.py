@@ -33,6 +33,7 @@ from cjt_gym.gap.horizons.windows import (
     worse,
 )
 from cjt_gym.gap.horizons.worth import Worth, worth
+from cjt_gym.gap.recorded.tolerances import OUTSIDE
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effects import PACKAGED
 
@@ -60,8 +61,6 @@ LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
 MISSED = 0.8
 """Predictable share of the squared error above which the joint that the stages found misses
 something, however small the error is."""
-OUTSIDE = 3.0
-"""Number of tolerances by which a datasheet value must be off to be diagnosed."""
 DEAFER = 1.0
 """Difference of the logarithm of the torque that displaces a joint by a given error above which
 its better predictions do not count against a term of another."""

@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.fit import MOTION, Fit
 from cjt_gym.gap.horizons.grow import is_needed
 from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import feels_weight, inverse
-from cjt_gym.gap.horizons.judge import LOUD, OUTSIDE, Judgement
+from cjt_gym.gap.horizons.judge import LOUD, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
@@ -22,6 +22,7 @@ from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import is_unknown, is_usual_offset, worst_row
 from cjt_gym.gap.horizons.windows import HORIZONS
+from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
 
 SURE, FIRM = 1.4, 2.0
 """Multiples of the required clarity and price above which an effect may be confirmed."""
@@ -76,7 +77,7 @@ def effects_of(
         open_ = term.name in excluded and not _is_overwhelming(judged, k)
         if there and term.told and not open_ and _deserves(judged, k, term, seen):
             effect = _named(judged, spread, k, term)
-            if _may_be_as_stated(judged, k, term, effect):
+            if _may_be_as_stated(judged, k, term, effect) or _is_open(judged, effect):
                 continue
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
@@ -166,6 +167,12 @@ def _may_be_as_stated(judged: Judgement, index: int, term: Term, effect: NamedEf
     fitted = fit.model.values(fit.z)[index][0]
     scale = one.value / fitted if fitted else 1.0  # an inertia is fitted as a factor
     return one.low <= scale * term.nominal[0] <= one.high
+
+
+def _is_open(judged: Judgement, effect: NamedEffect) -> bool:
+    """Return whether an effect is no more than values that the datasheet leaves open."""
+    values = {symbol: one.value for symbol, one in effect.parameters.items()}
+    return is_left_open(judged.case.joint.file, effect.name, values)
 
 
 def _weighs(judged: Judgement, values: Sequence[float]) -> bool:

@@ -18,9 +18,10 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, OUTSIDE, Judgement, Row
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped
+from cjt_gym.gap.recorded.tolerances import OUTSIDE
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
 

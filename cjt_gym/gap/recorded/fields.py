@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.effects.motor import DQ_0
 from cjt_gym.joint.quantity import Quantity
 
 Fields = dict[str, float]
@@ -21,6 +22,8 @@ CHAIN: Final = ("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", 
 LAW: Final = ("c_p", "c_n", "s_p", "s_n", "v_s", "d_p", "d_n", "z_s", "mu", "dq_0")
 """Fields of a friction law, each followed by ``_m``, ``_g`` or ``_l``; see the kernel's columns."""
 LAW_SIZE: Final = len(LAW)
+SMOOTHED: Final = float(DQ_0.default or 0.0)
+"""Velocity over which dry friction is smoothed where a joint file does not say [rad/s]."""
 NEUTRAL: Final[Mapping[str, float]] = {
     "i_0": 0.0,  # offset of the current sensor [A]
     "tau_0": 0.0,  # offset of the torque sensor [N m]
@@ -95,7 +98,7 @@ def _add_known_effects(fields: Fields, joint: JointFile) -> None:
                 level_n = p.get(f"d_c{body}_n", level)
                 fields[f"c_n_{body}"] = number(effect, f"d_c{body}_n", level_n)
             if level:
-                fields[f"dq_0_{body}"] = number(effect, "dq_0", 0.002)
+                fields[f"dq_0_{body}"] = number(effect, "dq_0", SMOOTHED)
     if "viscous_asym" in joint.effects:
         for body in "mgl":
             base = p.get(f"d_{body}", 0.0)

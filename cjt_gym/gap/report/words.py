@@ -202,7 +202,10 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             "datasheet says."
         )
         if gap.after < CORRECTED * gap.before:
-            text = "There is no gap but in values that the datasheet gives roughly, or not at all."
+            text = (
+                "There is no gap but in values that the datasheet guesses, gives with a tolerance "
+                "or does not state."
+            )
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         better = f" Refining its values takes the replay error from {change}."
         return text + (better if gap.removed >= NOTABLE else "")

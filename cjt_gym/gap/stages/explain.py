@@ -69,10 +69,10 @@ def explain(
 ) -> Explanation:
     """Return the explanation of a record, together with `more`, that holds on the `others`."""
     progress("fitting the nominal joint within its tolerances")
-    problem, base = _without_effects(setting, more)
+    problem, base = without_effects(setting, more)
     sensors = sensor_findings(setting, base.residuals)
     if any(finding.name == "noise" for finding in sensors):
-        problem, base = _without_effects(with_findings(setting, sensors), more)
+        problem, base = without_effects(with_findings(setting, sensors), more)
     until = time.process_time() + PATIENCE
     candidates = all_candidates(setting, problem.stages.names)
     coarse = any(finding.name == "quantization" for finding in sensors)
@@ -98,7 +98,7 @@ def explain(
     late = _found_late(setting, fit, sensors)
     if late:
         sensors = (*sensors, *late)
-        problem, base = _without_effects(with_findings(setting, sensors), more)
+        problem, base = without_effects(with_findings(setting, sensors), more)
         fit = retuned(problem, fit)
     progress("leaving out one effect after the other")
     tested = [with_findings(other, sensors) for other in others]
@@ -169,7 +169,7 @@ def _found_late(
     return tuple(f for f in found if f.name == "noise" and f.channel not in channels)
 
 
-def _without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem, Fit]:
+def without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem, Fit]:
     """Return the problem of one or more records, and its fit without any effect.
 
     Raises:

@@ -105,19 +105,26 @@ def level(law: Floats, side: float, speed: float, load: float) -> float:
 
 @lean
 def smooth_speed(start: float, free: float, gain: float, force: float, width: float) -> float:
-    """Solve v + gain * force * tanh(m / width) = free for v by Newton's method.
+    """Solve v + gain * force * tanh(m / width) = free for v by Newton's method between bounds.
 
     The law acts at m = start + share * (v - start). The share makes a step exact for a linear law:
     1/2 if the law is soft over the sample, 1 if it is stiff.
     """
     stiff = gain * force / width
     share = 0.5 + stiff / 12.0 if stiff < 1e-3 else 1.0 / (1.0 - math.exp(-stiff)) - 1.0 / stiff
+    low, high = free - gain * force, free + gain * force
     v = (free - stiff * (1.0 - share) * start) / (1.0 + stiff * share)
-    for _ in range(12):
-        m = start + share * (v - start)
-        t = math.tanh(m / width)
-        step = (v + gain * force * t - free) / (1.0 + share * stiff * (1.0 - t * t))
-        v -= max(min(step, 2.0 * width + 0.5 * abs(v)), -2.0 * width - 0.5 * abs(v))
+    for _ in range(60):
+        t = math.tanh((start + share * (v - start)) / width)
+        left = v + gain * force * t - free
+        if left > 0.0:
+            high = v
+        else:
+            low = v
+        new = v - left / (1.0 + share * stiff * (1.0 - t * t))
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        step, v = new - v, new
         if abs(step) < 1e-9 * (abs(v) + width):
             break
     return v
