@@ -18,6 +18,7 @@ from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
 from cjt_gym.gap.horizons.answer import allowed_by, judged
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
+from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.series import Stretch, stretches
 from cjt_gym.gap.recorded.usable import check_one_joint, copies, measured_only
 from cjt_gym.gap.stages.select import Progress, silent
@@ -67,6 +68,7 @@ def diagnose(
     if joint is None:
         check_one_joint([*given, *held])
     file, shape = _joint(first, joint, structure)
+    file = as_values(file, shape)
     for record in (*given, *held):
         _check_rate(record)
         _check_drive(record, file)

@@ -197,7 +197,11 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
     if setting.cut_at_spring:
         scale = max(TORQUE_OFFSET * setting.std("tau"), USUAL_TORQUE)
-        rows.append(_offset("tau_0", "N m", 0.0, scale, ("motor", "transmission", "load")))
+        rows.append(
+            _offset(
+                "tau_0", "N m", setting.nominal["tau_0"], scale, ("motor", "transmission", "load")
+            )
+        )
         rows.append(_offset("skew", "s", 0.0, LATE, ("transmission",)))
     if setting.has_spring:
         stage = "transmission" if setting.cut_at_spring else "motor"
@@ -210,17 +214,9 @@ def _offset(field: str, unit: str, start: float, scale: float, stages: tuple[str
 
 
 def _relaxed(setting: Setting, stage: str) -> Nuisance:
-    """Return the deflection at which the spring is relaxed: encoders have arbitrary zeros."""
-    series, f = setting.series, setting.nominal
-    stiffness = f["k_b"] if not setting.has_gear else f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"])
-    start = 0.0
-    deflection = series["q_m"].copy()
-    if "q_l" in series:
-        deflection -= series["q_l"]
-    if setting.cut_at_spring:
-        start = float(np.median(deflection - series["tau"] / stiffness))
-    scale = max(float(np.std(deflection)), setting.std("q_m")) * 0.1
-    return Nuisance("q_0", Number("q_0", "rad", start, scale, prior=False), (stage,))
+    """Return the deflection at which the spring is relaxed."""
+    scale = max(float(np.std(setting.twist)), setting.std("q_m")) * 0.1
+    return Nuisance("q_0", Number("q_0", "rad", setting.relaxed, scale, prior=False), (stage,))
 
 
 def _current_weight(nominal: Fields, dt: float) -> float:

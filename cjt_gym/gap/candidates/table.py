@@ -8,14 +8,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cjt_gym.gap.candidates.candidate import Candidate, scales
+from cjt_gym.gap.candidates.candidate import Candidate, Values, scales
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.candidates.friction import friction_rows
 from cjt_gym.gap.candidates.load import load_rows
 from cjt_gym.gap.candidates.motor import motor_rows
 from cjt_gym.gap.candidates.sensing import sensing_rows
 from cjt_gym.gap.candidates.transmission import transmission_rows
+from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
+
+ANEW = frozenset({"stribeck", "presliding", "load_friction", "load_coulomb", "viscous_asym"})
+"""Laws of friction that are added to the fields; most other candidates set theirs."""
 
 
 def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate, ...]:
@@ -32,7 +36,25 @@ def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate
         rows += sensing_rows(setting)
     if not setting.structure.output_fixed:
         rows += load_rows(setting, size)
-    return shown(rows, stages)
+    return shown([_anew(row, setting) for row in rows], stages)
+
+
+def _anew(row: Candidate, setting: Setting) -> Candidate:
+    """Return a candidate that takes the place of what the joint file lists of its effect.
+
+    Coulomb friction is added to what is listed, as are rows of a single field.
+    """
+    added = setting.listed.get(row.name, {})
+    letter = (row.body or "motor")[0]
+    old = {k: x for k, x in added.items() if k.endswith(f"_{letter}")}
+    if row.name not in ANEW or not old:
+        return row
+
+    def apply(f: Fields, v: Values) -> None:
+        f.update((field, f[field] - x) for field, x in old.items())
+        row.apply(f, v)
+
+    return replace(row, apply=apply)
 
 
 def shown(rows: Sequence[Candidate], stages: tuple[str, ...]) -> tuple[Candidate, ...]:

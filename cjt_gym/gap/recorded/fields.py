@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.effects.motor import DQ_0
-from cjt_gym.joint.quantity import Quantity
 
 Fields = dict[str, float]
 
@@ -22,8 +20,6 @@ CHAIN: Final = ("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", 
 LAW: Final = ("c_p", "c_n", "s_p", "s_n", "v_s", "d_p", "d_n", "z_s", "mu", "dq_0")
 """Fields of a friction law, each followed by ``_m``, ``_g`` or ``_l``; see the kernel's columns."""
 LAW_SIZE: Final = len(LAW)
-SMOOTHED: Final = float(DQ_0.default or 0.0)
-"""Velocity over which dry friction is smoothed where a joint file does not say [rad/s]."""
 NEUTRAL: Final[Mapping[str, float]] = {
     "i_0": 0.0,  # offset of the current sensor [A]
     "tau_0": 0.0,  # offset of the torque sensor [N m]
@@ -62,7 +58,7 @@ NEUTRAL: Final[Mapping[str, float]] = {
 
 
 def nominal_fields(joint: JointFile, structure: Structure) -> Fields:
-    """Return the fields of the nominal joint, with the effects that its file lists."""
+    """Return the fields of the nominal joint without the effects that its file lists."""
     p = joint.parameters
     fields: Fields = dict(NEUTRAL)
     fields["n"] = p.get("n", 1.0)
@@ -71,39 +67,7 @@ def nominal_fields(joint: JointFile, structure: Structure) -> Fields:
     for name in structure.needed_parameters:
         fields[name] = getattr(p, name)  # raises a clear error if it is absent
     fields["i_max"] = p.get("i_p", np.inf)
-    _add_known_effects(fields, joint)
     return fields
-
-
-def _add_known_effects(fields: Fields, joint: JointFile) -> None:
-    def number(effect: str, key: str, default: float = 0.0) -> float:
-        value = joint.effects.get(effect, {}).get(key)
-        return value.number if isinstance(value, Quantity) else default
-
-    p = joint.parameters
-    bandwidth = number("current_lag", "bandwidth")
-    fields["lag"] = 1.0 / (2.0 * np.pi * bandwidth) if bandwidth > 0.0 else 0.0
-    fields["delay"] = number("command_delay", "delay")
-    fields["step"] = number("command_quantization", "resolution")
-    fields["offset"] = number("torque_offset", "torque")
-    fields["late"] = number("torque_delay", "delay")
-    for effect in ("coulomb", "coulomb_asym"):
-        if effect not in joint.effects:
-            continue
-        for body in "mgl":
-            level = number(effect, f"d_c{body}", p.get(f"d_c{body}", 0.0))
-            fields[f"c_p_{body}"] = level
-            fields[f"c_n_{body}"] = level
-            if effect == "coulomb_asym":
-                level_n = p.get(f"d_c{body}_n", level)
-                fields[f"c_n_{body}"] = number(effect, f"d_c{body}_n", level_n)
-            if level:
-                fields[f"dq_0_{body}"] = number(effect, "dq_0", SMOOTHED)
-    if "viscous_asym" in joint.effects:
-        for body in "mgl":
-            base = p.get(f"d_{body}", 0.0)
-            other = number("viscous_asym", f"d_{body}_n", p.get(f"d_{body}_n", base))
-            fields[f"d_n_{body}"] = other - base
 
 
 def own_field(name: str, number: int) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.recorded.fields import Fields, nominal_fields
+from cjt_gym.gap.recorded.listed import with_listed
 from cjt_gym.gap.recorded.noise import ChannelNoise, channel_noise
 from cjt_gym.gap.recorded.series import Series, compliance, to_series
 from cjt_gym.joint import JointFile, Structure
@@ -44,6 +45,7 @@ class Setting:
         process: Torque noise on the motor beyond what is specified [N m].
         allowance: Factor by which the motor's residual may exceed what white noise explains.
         still_load: Whether a load that could move does not.
+        listed: What each effect that the joint file lists adds to the fields.
     """
 
     series: Series
@@ -54,6 +56,7 @@ class Setting:
     process: float = 0.0
     allowance: float = 1.0
     still_load: bool = False
+    listed: Mapping[str, Fields] = field(default_factory=dict)
 
     def std(self, channel: str) -> float:
         """Return the deviation of one sample of a channel; 0 where it is not measured."""
@@ -100,6 +103,21 @@ class Setting:
         return np.asarray(slope * self.series.speed(channel))
 
     @property
+    def twist(self) -> NDArray[np.float64]:
+        """Difference of the angles at both ends of spring and gear, shape (N,)."""
+        series = self.series
+        return series["q_m"] - series["q_l"] if "q_l" in series else series["q_m"]
+
+    @property
+    def relaxed(self) -> float:
+        """Difference at which the spring is relaxed [rad]: encoders have arbitrary zeros."""
+        if not self.cut_at_spring:
+            return 0.0
+        f = self.nominal
+        stiffness = f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"]) if self.has_gear else f["k_b"]
+        return float(np.median(self.twist - self.series["tau"] / stiffness))
+
+    @property
     def settle(self) -> int:
         """Number of samples before residuals count."""
         return max(int(SETTLE / self.series.dt), 5)
@@ -132,8 +150,11 @@ def make_setting(
     if "q_m" in series.derived:
         std = noise["tau"].std * compliance(joint, structure)
         noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
-    setting = Setting(series, structure, joint, nominal_fields(joint, structure), noise)
-    return replace(setting, still_load=still and setting.has_spring and not structure.output_fixed)
+    bare = Setting(series, structure, joint, nominal_fields(joint, structure), noise)
+    zero, slack = series.zero.get("q_m", 0.0), bare.relaxed if bare.has_spring else 0.0
+    nominal, listed = with_listed(joint, structure, bare.nominal, zero, slack)
+    still_load = still and bare.has_spring and not structure.output_fixed
+    return replace(bare, nominal=nominal, listed=listed, still_load=still_load)
 
 
 def _is_still(series: Series, noise: ChannelNoise) -> bool:

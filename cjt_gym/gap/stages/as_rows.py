@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.recorded.fields import Fields
+from cjt_gym.gap.recorded.listed import SLIP_SPAN
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 
 SHARP_LOOP = 0.95
 """Width of the loop of exponent 1 that comes nearest to one of exponent 2 on random paths."""
-SLIP_SPAN = 3.0
-"""Multiples of delta_h at which the one element of a Maxwell slip model yields."""
 DERATING, HOTTEST = 0.002, 100.0
 """Assumed loss of torque constant [1/K] behind the loss per square ampere in a record; it grows if
 the windings would otherwise need more than this thermal resistance [K/W]."""
@@ -211,7 +210,9 @@ def _stribeck(x: Found) -> Rows:
 
 def _presliding(x: Found) -> Rows:
     level, width = f"d_c{x.letter}", x.named("z_s")
-    total = x.setting.nominal[f"c_p_{x.letter}"] + x.named(level)
+    field = f"c_p_{x.letter}"
+    beside = x.setting.nominal[field] - x.setting.listed.get("presliding", {}).get(field, 0.0)
+    total = beside + x.named(level)
     stiffness = x.scaled("z_s", total / width, -1.0)
     return {
         "presliding": {

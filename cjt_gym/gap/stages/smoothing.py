@@ -7,14 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.recorded.fields import SMOOTHED
 from cjt_gym.gap.recorded.series import Stretch
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.recorded.tolerances import SMOOTHING
 from cjt_gym.gap.stages.explain import without_effects
 from cjt_gym.joint import EFFECTS, JointFile, Structure
 from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.effects.motor import DQ_0
 from cjt_gym.joint.quantity import Quantity
+
+SMOOTHED = float(DQ_0.default or 0.0)
+"""Velocity over which simulated dry friction is smoothed where a joint file does not say [rad/s]."""
 
 
 def with_smoothing(file: JointFile, shape: Structure, whole: Sequence[Stretch]) -> JointFile:
