@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from cjt_gym.errors import RecordError
 from cjt_gym.gap.recorded.fields import Fields, has_friction
 from cjt_gym.gap.recorded.tolerances import SMOOTHING
 from cjt_gym.joint import EFFECTS, JointFile, Structure
@@ -41,6 +40,20 @@ UNSEEN = frozenset(
 """Effects that predictions of the stages need not know: scatter, and what is measured anyway."""
 
 Numbers = Mapping[str, Any]
+
+
+class Place(NamedTuple):
+    """Zeros of a record, and where its joint may have play.
+
+    Attributes:
+        zero: Offset subtracted from the motor's angle [rad].
+        relaxed: Difference of the angles at which the spring is relaxed [rad].
+        in_gear: Whether play lies in a compliant gear, not at the torsion bar.
+    """
+
+    zero: float
+    relaxed: float
+    in_gear: bool
 
 
 def as_values(file: JointFile, shape: Structure) -> JointFile:
@@ -82,7 +95,7 @@ def _resolved(file: JointFile, shape: Structure) -> dict[str, Any]:
 
 
 def with_listed(
-    file: JointFile, shape: Structure, nominal: Fields, zero: float, relaxed: float
+    file: JointFile, shape: Structure, nominal: Fields, at: Place
 ) -> tuple[Fields, dict[str, Fields]]:
     """Return the fields of a joint with what its file lists, and what each effect adds to them.
 
@@ -90,19 +103,18 @@ def with_listed(
         file: The joint file, by `as_values`.
         shape: Structure of the joint.
         nominal: Fields of the joint without effects.
-        zero: Offset subtracted from the motor's angle [rad].
-        relaxed: Deflection at which the spring is relaxed [rad].
+        at: Zeros of the record.
 
     Raises:
-        RecordError: The fields cannot hold an effect that acts on what is measured.
+        ValueError: The fields cannot hold an effect that acts on what is measured.
     """
     fields, added = dict(nominal), {}
     for name, numbers in _resolved(file, shape).items():
         if name in UNSEEN:
             continue
         before = dict(fields)
-        if name not in LISTED or not LISTED[name](fields, numbers, zero, relaxed):
-            raise RecordError(f"the joint file lists {name}, which they cannot hold")
+        if name not in LISTED or not LISTED[name](fields, numbers, at):
+            raise ValueError(f"the joint file lists {name}, which they cannot hold")
         for body in BODIES if SMOOTHING in numbers else ():
             if has_friction(fields, body):
                 fields[f"dq_0_{body}"] = float(numbers[SMOOTHING])
@@ -111,37 +123,37 @@ def with_listed(
 
 
 # ---- one function per effect, which returns whether the fields hold it
-Put = Callable[[Fields, Numbers, float, float], bool]
+Put = Callable[[Fields, Numbers, Place], bool]
 
 
 def _sets(**fields: str) -> Put:
     """Return the function of an effect whose numbers are fields."""
 
-    def put(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+    def put(f: Fields, v: Numbers, at: Place) -> bool:
         f.update((field, float(v[symbol])) for field, symbol in fields.items())
         return True
 
     return put
 
 
-def _lag(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _lag(f: Fields, v: Numbers, at: Place) -> bool:
     bandwidth = float(v["bandwidth"])
     f["lag"] = 1.0 / (2.0 * math.pi * bandwidth) if bandwidth > 0.0 else 0.0
     return True
 
 
-def _slew(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _slew(f: Fields, v: Numbers, at: Place) -> bool:
     f["slew"] = float(v["rate"]) or math.inf
     return True
 
 
-def _derating(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _derating(f: Fields, v: Numbers, at: Place) -> bool:
     f["derate"] = float(v["derating"] * v["r"] * v["r_th1"])
     f["heat"] = float(v["T_thw"])
     return True
 
 
-def _coulomb(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _coulomb(f: Fields, v: Numbers, at: Place) -> bool:
     for body in BODIES:
         up = float(v.get(f"d_c{body}", 0.0))
         f[f"c_p_{body}"] += up
@@ -149,14 +161,14 @@ def _coulomb(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
     return True
 
 
-def _viscous_asym(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _viscous_asym(f: Fields, v: Numbers, at: Place) -> bool:
     for body in BODIES:
         f[f"d_n_{body}"] += float(v[f"d_{body}_n"]) - f[f"d_{body}"]
     return True
 
 
-def _stribeck(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
-    _coulomb(f, v, zero, relaxed)
+def _stribeck(f: Fields, v: Numbers, at: Place) -> bool:
+    _coulomb(f, v, at)
     for body in BODIES:
         rise = float(v[f"d_s{body}"])
         f[f"s_p_{body}"] += rise
@@ -165,15 +177,15 @@ def _stribeck(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
     return True
 
 
-def _presliding(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
-    _coulomb(f, v, zero, relaxed)
+def _presliding(f: Fields, v: Numbers, at: Place) -> bool:
+    _coulomb(f, v, at)
     for body in BODIES:
         stiffness = float(v[f"sigma_{body}"])
         f[f"z_s_{body}"] = f[f"c_p_{body}"] / stiffness if stiffness else 0.0
     return True
 
 
-def _load_friction(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _load_friction(f: Fields, v: Numbers, at: Place) -> bool:
     for body in BODIES:
         f[f"mu_{body}"] += float(v[f"mu_{body}"])
     return True
@@ -182,11 +194,11 @@ def _load_friction(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
 def _wave(prefix: str) -> Put:
     """Return the function of a torque over the motor's angle, of one frequency."""
 
-    def put(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+    def put(f: Fields, v: Numbers, at: Place) -> bool:
         if len(v["f"]) != 1:
             return False
         (turns,), (a,), (b,) = v["f"], v["a"], v["b"]
-        cos, sin = math.cos(turns * zero), math.sin(turns * zero)
+        cos, sin = math.cos(turns * at.zero), math.sin(turns * at.zero)
         f[f"{prefix}_f"] = float(turns)
         f[f"{prefix}_a"] = float(v["scale"] * (a * cos + b * sin))
         f[f"{prefix}_b"] = float(v["scale"] * (b * cos - a * sin))
@@ -195,20 +207,26 @@ def _wave(prefix: str) -> Put:
     return put
 
 
-def _hardening(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _backlash(f: Fields, v: Numbers, at: Place) -> bool:
+    """Set play at the bar; where it lies between its ends, the relaxed deflection tells."""
+    f["play"] = float(v["gap"])
+    return not at.in_gear
+
+
+def _hardening(f: Fields, v: Numbers, at: Place) -> bool:
     f["hard"] = float(v["k_3"]) / f["k_b"]
     return True
 
 
-def _hysteresis(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
+def _hysteresis(f: Fields, v: Numbers, at: Place) -> bool:
     slip = v["elements"] > 0.0
     f["hyst"], f["hyst_n"] = float(v["tau_h"]), 0.0 if slip else 1.0
     f["hyst_z"] = float(v["delta_h"]) * (SLIP_SPAN if slip else 1.0)
     return True
 
 
-def _gravity(f: Fields, v: Numbers, zero: float, relaxed: float) -> bool:
-    angle = zero + relaxed - float(v["angle"])
+def _gravity(f: Fields, v: Numbers, at: Place) -> bool:
+    angle = at.zero + at.relaxed - float(v["angle"])
     f["grav_a"] = float(v["torque"]) * math.sin(angle)
     f["grav_b"] = float(v["torque"]) * math.cos(angle)
     return True
@@ -229,6 +247,7 @@ LISTED: Final[Mapping[str, Put]] = {
     "load_friction": _load_friction,
     "cogging": _wave("cog"),
     "gear_ripple": _wave("rip"),
+    "backlash": _backlash,
     "hardening": _hardening,
     "spring_hysteresis": _hysteresis,
     "torque_gain": _sets(gain="gain"),

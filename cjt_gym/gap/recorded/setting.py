@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.recorded.fields import Fields, nominal_fields
-from cjt_gym.gap.recorded.listed import with_listed
+from cjt_gym.gap.recorded.listed import Place, with_listed
 from cjt_gym.gap.recorded.noise import ChannelNoise, channel_noise
 from cjt_gym.gap.recorded.series import Series, compliance, to_series
 from cjt_gym.joint import JointFile, Structure
@@ -151,8 +151,8 @@ def make_setting(
         std = noise["tau"].std * compliance(joint, structure)
         noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
     bare = Setting(series, structure, joint, nominal_fields(joint, structure), noise)
-    zero, slack = series.zero.get("q_m", 0.0), bare.relaxed if bare.has_spring else 0.0
-    nominal, listed = with_listed(joint, structure, bare.nominal, zero, slack)
+    at = Place(series.zero.get("q_m", 0.0), bare.relaxed, bare.has_gear and bare.cut_at_spring)
+    nominal, listed = with_listed(joint, structure, bare.nominal, at)
     still_load = still and bare.has_spring and not structure.output_fixed
     return replace(bare, nominal=nominal, listed=listed, still_load=still_load)
 

@@ -17,7 +17,7 @@ from cjt_gym.joint.effects.motor import DQ_0
 from cjt_gym.joint.quantity import Quantity
 
 SMOOTHED = float(DQ_0.default or 0.0)
-"""Velocity over which simulated dry friction is smoothed where a joint file does not say [rad/s]."""
+"""Velocity over which simulations smooth dry friction where no file says [rad/s]."""
 
 
 def with_smoothing(file: JointFile, shape: Structure, whole: Sequence[Stretch]) -> JointFile:
