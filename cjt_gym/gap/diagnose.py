@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap.by_stages import Ask, by_stages
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.check.faults import SLOPES, UNITS
+from cjt_gym.gap.check.faults import FACTOR, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
 from cjt_gym.gap.horizons.answer import allowed_by, judged
@@ -157,7 +157,7 @@ def remarked(
         f"{name} repeats {command} in every row, and was not used."
         for name, command in repeated.items()
     ]
-    if found.examination is not None and {SLOPES, UNITS} & {*found.examination.advice}:
+    if found.examination is not None and {FACTOR, SLOPES, UNITS} & {*found.examination.advice}:
         remarks.append(
             "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "
             "the faults of the log before you rely on the rest."

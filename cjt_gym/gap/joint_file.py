@@ -24,6 +24,7 @@ from cjt_gym.joint.quantity import Setting as Entry
 ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
 TOLERATED = 3.0
 """Number of tolerances up to which a refined value is said to lie within its tolerance."""
+IDENTIFIED = "_identified"
 Refined = Mapping[str, tuple[float, float]]
 Table = dict[str, dict[str, Entry]]
 
@@ -65,7 +66,7 @@ def identified_joint(
     known = {symbol: row for symbol, row in refined.items() if symbol in p.quantities}
     parameters = replace(
         p,
-        name=f"{p.name}_identified",
+        name=identified(p.name),
         source=f"{p.source}; effects {source}" if named else p.source,
         quantities={**p.quantities, **_refined(p.quantities, known, source)},
     )
@@ -76,6 +77,11 @@ def identified_joint(
         sensors=sensors,
         structure=setting.structure.name,
     )
+
+
+def identified(name: str) -> str:
+    """Return the name of the joint that a diagnosis of a joint found."""
+    return name if name.endswith(IDENTIFIED) else name + IDENTIFIED
 
 
 def told_by(

@@ -5,74 +5,28 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.stages.kernel import smooth_speed
 from cjt_gym.gap.stages.smoothing import with_smoothing
-from cjt_gym.joint import Joint, load_joint
-from cjt_gym.records import Record, default_units
+from tests.gap.bench import STRUCTURE, joint_of, record_of
 
-SHEET = """
-name = "bench"
-source = "datasheets of motor, gear and spring"
-
-[parameters]
-n = { value = 100, unit = "-" }
-k_t = { value = 0.0369, unit = "N m/A", source = "datasheet", tolerance = 0.03 }
-I_m = { value = 0.25, unit = "kg m^2", source = "datasheet", tolerance = 0.05 }
-I_g = { value = 0.01, unit = "kg m^2", source = "drawing", tolerance = 0.2 }
-I_l = { value = 0.4, unit = "kg m^2", source = "drawing", tolerance = 0.05 }
-k_b = { value = 600, unit = "N m/rad", source = "bench", tolerance = 0.02 }
-d_gl = { value = 0.6, unit = "N m s/rad", source = "decay", tolerance = 0.3 }
-d_m = { value = 3.0, unit = "N m s/rad", source = "no-load current", tolerance = 0.2 }
-d_l = { value = 0.2, unit = "N m s/rad", source = "bearing", tolerance = 0.5 }
+FRICTION = """
+d_cm = { value = 2.5, unit = "N m", source = "no-load current", tolerance = 0.2 }
+[effects.coulomb]
 """
-SENSORS = """
-[sensors.i]
-noise = { value = 0.015, unit = "A" }
-[sensors.q_m]
-noise = { value = 1e-6, unit = "rad" }
-[sensors.q_l]
-noise = { value = 5e-6, unit = "rad" }
-[sensors.tau]
-noise = { value = 0.05, unit = "N m" }
-"""
-FRICTION = 'd_cm = { value = 2.5, unit = "N m", source = "no-load current", tolerance = 0.2 }\n'
-NOISE = {"q_m": 1e-6, "q_l": 5e-6, "tau": 0.02}
-
-
-def joint_of(folder: Path, text: str, **options: object) -> Joint:
-    path = folder / "bench.toml"
-    path.write_text(text + SENSORS)
-    return load_joint(str(path), "rigid_gearbox", **options)  # type: ignore[arg-type]
-
-
-def record_of(true: Joint) -> Record:
-    """Return eight seconds of a joint under random steps of torque and a sine."""
-    rng, t = np.random.default_rng(0), 1e-3 * np.arange(8000)
-    torque = np.repeat(rng.uniform(-15.0, 15.0, 100), 80) + 3.0 * np.sin(2.0 * np.pi * 3.0 * t)
-    made = quiet(true).simulate(torque, dt=1e-3)
-    amps = torque / (true.parameters.k_t * true.parameters.n)
-    columns = {"t": t, "i_cmd": amps, "i": np.append(0.0, amps[:-1])}
-    columns["i"] = columns["i"] + 0.015 * rng.standard_normal(len(t))
-    for name, deviation in NOISE.items():
-        columns[name] = made[f"true_{name}"] + deviation * rng.standard_normal(len(t))
-    return Record(columns, default_units(tuple(columns)), structure="rigid_gearbox")
 
 
 @pytest.mark.parametrize("factor", [1.9, 2.0])
 def test_the_effect_that_frees_a_value_far_off_explains_it(tmp_path: Path, factor: float) -> None:
-    sheet = joint_of(tmp_path, SHEET)
+    sheet = joint_of(tmp_path)
     off = {"d_m": 3.0 * factor, "k_t": 1.01 * sheet.parameters.k_t}
-    found = diagnose(
-        record_of(joint_of(tmp_path, SHEET, parameters=off)), sheet.file, "rigid_gearbox"
-    )
+    true = joint_of(tmp_path, parameters=off)
+    found = diagnose(record_of(true), sheet.file, STRUCTURE)
     assert found.verdict == "explained"
     assert [e.name for e in found.effects] == ["damping"]
     assert found.effects[0].parameters["d_m"].value == pytest.approx(off["d_m"], rel=0.02)
@@ -83,10 +37,10 @@ def sticking(folder: Path, level: float) -> Diagnosis:
 
     Its friction is 2.5 N m within 20 %.
     """
-    sheet = joint_of(folder, SHEET.rstrip() + "\n" + FRICTION + "[effects.coulomb]\n")
+    sheet = joint_of(folder, FRICTION)
     effects = {"coulomb": {"d_cm": level, "dq_0": 0.0}}
-    true = joint_of(folder, SHEET, effects=effects)
-    return diagnose(record_of(true), sheet.file, "rigid_gearbox")
+    true = joint_of(folder, effects=effects)
+    return diagnose(record_of(true), sheet.file, STRUCTURE)
 
 
 def test_friction_within_its_tolerance_is_refined(tmp_path: Path) -> None:
@@ -104,8 +58,8 @@ def test_friction_beyond_its_tolerance_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("width", [0.0, 0.002])
 def test_unstated_smoothing_is_what_the_record_shows(tmp_path: Path, width: float) -> None:
-    sheet = joint_of(tmp_path, SHEET.rstrip() + "\n" + FRICTION + "[effects.coulomb]\n")
-    true = joint_of(tmp_path, SHEET, effects={"coulomb": {"d_cm": 2.5, "dq_0": width}})
+    sheet = joint_of(tmp_path, FRICTION)
+    true = joint_of(tmp_path, effects={"coulomb": {"d_cm": 2.5, "dq_0": width}})
     told = with_smoothing(sheet.file, sheet.structure_row, stretches([record_of(true)]))
     sharp = told.effects["coulomb"].get("dq_0")
     assert (sharp is not None and sharp.number == 0.0) == (width == 0.0)  # type: ignore[union-attr]

@@ -21,7 +21,7 @@ USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
 """Smallest standard deviation of the offsets of current [A] and torque [N m]."""
 USUAL_COMMAND = 1e-3
 """Standard deviation of an amplifier's offset, as a share of the range of its command."""
-OWN = ("i_0", "tau_0", "q_0")
+OWN = ("i_0", "tau_0", "q_0", "centre_g")
 """Fields that differ from record to record of one joint."""
 BLURRED = 0.3
 """Relative deviation of inertia and damping if a log is too slow to follow the joint's swing."""
@@ -203,6 +203,10 @@ def _offsets(setting: Setting) -> list[Nuisance]:
             )
         )
         rows.append(_offset("skew", "s", 0.0, LATE, ("transmission",)))
+    if (play := setting.nominal["play_g"]) > 0.0:
+        half, touched = 0.5 * play, ("motor", "transmission")
+        centre = Number("centre_g", "rad", 0.0, half, low=-half, high=half, prior=False)
+        rows.append(Nuisance("centre_g", centre, touched))
     if setting.has_spring:
         stage = "transmission" if setting.cut_at_spring else "motor"
         rows.append(_relaxed(setting, stage))

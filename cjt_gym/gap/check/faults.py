@@ -177,6 +177,7 @@ def _swing(view: View) -> Sequence[str]:
 
 
 UNITS = "Map each channel with its unit, sign and side: --mapping."
+FACTOR = "Map that channel with its unit and side: --mapping."
 SLOPES = "Map the velocity with its unit and scale, or correct the times of the rows."
 ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
 FINER = "Record more motion, or a finer angle."
@@ -188,8 +189,8 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_few_counts, FINER),
     (_whole_numbers, UNITS),
     (velocities, SLOPES),
-    (currents, UNITS),
-    (angles, UNITS),
+    (currents, FACTOR),
+    (angles, FACTOR),
     (coarser, UNITS),
     (spring, UNITS),
     (_noise, SPECIFY),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.check.faults import ONE_INSTANT, SLOPES, UNITS
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
     ENOUGH,
@@ -59,7 +59,7 @@ GAVE_WAY = "a value of the datasheet had to leave its tolerance beside it"
 UNSOUND = {
     ONE_INSTANT: "channels of one row belong to different instants",
     SLOPES: "a velocity contradicts its angle, or the clock is wrong",
-    UNITS: "a channel seems to have another unit, sign or side",
+    FACTOR: "a channel seems to have another unit or side",
 }
 """Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
 SETTLED = ("explained", "no_gap")

@@ -77,7 +77,8 @@ def retold(
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     # If the stages find no cause in the table, it is not there, unless it is a datasheet value.
     told = TOO_FAR_OFF in first.unexplained.text and not judged.unexplained
-    outside = judged.cut and first.verdict == "unexplained" and not told
+    staged = bool(first.evidence.regimes)
+    outside = staged and judged.cut and first.verdict == "unexplained" and not told
     if outside:
         said = "its cause may not be in the table"
         effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)
@@ -93,8 +94,9 @@ def retold(
         unexplained = replace(unexplained, text=f"{said} {unexplained.text}")
     if outside:
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
-    elif first.unexplained.missing:
-        text = " ".join((unexplained.text, *first.unexplained.missing))
+    else:
+        beside = first.unexplained.missing if staged else (first.unexplained.text,)
+        text = " ".join((unexplained.text, *beside))
         unexplained = replace(unexplained, text=text)
     return replace(
         first,

@@ -14,6 +14,7 @@ from cjt_gym.gap.horizons.by_torque import inertia_by_torque
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import spread_of
+from cjt_gym.gap.joint_file import identified
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.outside import frequency_of
@@ -75,7 +76,7 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         if s not in p.quantities or q.number != p.quantities[s].number
     }
     parameters = replace(
-        p.replace(**moved), name=f"{p.name}_identified", source=f"{p.source}; effects {source}"
+        p.replace(**moved), name=identified(p.name), source=f"{p.source}; effects {source}"
     )
     return replace(
         nominal, parameters=parameters, effects=table, structure=answer.structure,

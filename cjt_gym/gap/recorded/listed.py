@@ -12,14 +12,12 @@ from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 from cjt_gym.gap.recorded.fields import Fields, has_friction
-from cjt_gym.gap.recorded.tolerances import SMOOTHING
+from cjt_gym.gap.recorded.tolerances import LEAST, SMOOTHING
 from cjt_gym.joint import EFFECTS, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.quantity import Quantity
 
-LEAST = 0.01
-"""Least relative tolerance of a value that an identification states: sensors are no better."""
 SPAN = 2.0 * 1.96
 """Width of a 95 % interval in standard deviations."""
 SLIP_SPAN = 3.0
@@ -208,9 +206,9 @@ def _wave(prefix: str) -> Put:
 
 
 def _backlash(f: Fields, v: Numbers, at: Place) -> bool:
-    """Set play at the bar; where it lies between its ends, the relaxed deflection tells."""
-    f["play"] = float(v["gap"])
-    return not at.in_gear
+    """Set play in the gear or at the bar; the record tells where it lies between its ends."""
+    f["play_g" if at.in_gear else "play"] = float(v["gap"])
+    return True
 
 
 def _hardening(f: Fields, v: Numbers, at: Place) -> bool:

@@ -15,6 +15,8 @@ GUESSED = 1.0
 
 OUTSIDE = 3.0
 """Number of tolerances by which a value has to differ from its datasheet to count as different."""
+LEAST = 0.01
+"""Relative deviation that an identified value always has: sensors are no better."""
 LEVELS = "d_c"
 """Beginning of the symbols of dry friction, which no fit refines within its tolerance."""
 SMOOTHING = "dq_0"
@@ -38,11 +40,21 @@ def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> b
 
 
 def _is_open(file: JointFile, effect: str, symbol: str, value: float) -> bool:
-    """Return whether a value is guessed, or a level of dry friction within its tolerance."""
+    """Return whether a value is guessed, is listed, or is dry friction within its tolerance."""
     entry = file.effects.get(effect, {}).get(symbol)
     known = entry if isinstance(entry, Quantity) else file.parameters.quantities.get(symbol)
+    if isinstance(entry, Quantity) and _is_listed(entry, value):
+        return True
     if known is None or known.guess:
         return known is not None
     if not symbol.startswith(LEVELS) or not known.tolerance or min(value, known.number) <= 0.0:
         return False
     return abs(math.log(value / known.number)) <= OUTSIDE * known.tolerance
+
+
+def _is_listed(entry: Quantity, value: float) -> bool:
+    """Return whether a value is the one that a joint file lists, as well as it is known."""
+    if isinstance(entry.value, tuple):
+        return False
+    low, high = (x if isinstance(x, float) else entry.value for x in (entry.low, entry.high))
+    return low <= value <= high or abs(value - entry.value) <= LEAST * abs(entry.value)

@@ -38,11 +38,14 @@ from cjt_gym.gap.stages.select import (
     silent,
 )
 from cjt_gym.gap.stages.sensing import SensorFinding, noisy_current, sensor_findings, with_findings
+from cjt_gym.joint.arrays import Floats
 
 PATIENCE = 25.0
 """Processor time after which the search for effects stops with its best result [s]."""
 REFUTED = 0.2
 """Worth on held-out data below which an effect is refuted."""
+CENTRE, SIDES = "centre_g", (-0.8, -0.4, 0.0, 0.4, 0.8)
+"""Field of where a gear touches first within its play, and coordinates from which it is sought."""
 BETTER = 0.7
 """Ratio of held-out mean squares below which an alternative model is preferred."""
 
@@ -169,6 +172,15 @@ def _found_late(
     return tuple(f for f in found if f.name == "noise" and f.channel not in channels)
 
 
+def _begun(problem: Problem) -> list[Floats]:
+    """Return coordinates from which a fit starts: several where play may touch on either side."""
+    found = [np.zeros(len(problem.shared))]
+    for k, nuisance in enumerate(problem.shared):
+        if nuisance.field == CENTRE:
+            found = [np.where(np.arange(len(found[0])) == k, side, found[0]) for side in SIDES]
+    return found
+
+
 def without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem, Fit]:
     """Return the problem of one or more records, and its fit without any effect.
 
@@ -177,7 +189,8 @@ def without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem,
     """
     others = tuple(Stages(as_noisy(one, setting)) for one in more)
     problem = Problem.of(Stages(setting, others=others))
-    base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    fits = [problem.fit(Model(), z) for z in _begun(problem)]
+    base = retuned(problem, min(fits, key=lambda fit: fit.cost))
     if away := [n for n, ms in base.mean_square.items() if not np.isfinite(ms)]:
         raise FloatingPointError(
             f"one sample ahead the nominal {' and '.join(away)} stage runs away, as where it "

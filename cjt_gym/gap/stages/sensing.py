@@ -21,6 +21,8 @@ NOISIER = 1.3
 """Ratio of found to stated scatter above which a channel may be called noisy."""
 RAISED = 1.15
 """Residual in the quietest windows of its stage above which it is noisy."""
+OTHERS = 30.0
+"""Ratio of the noise of a stage's other channels to that of one up to which its own shows."""
 STAGES_OF = {
     "q_m": ("motor", "transmission"),
     "q_l": ("load", "transmission"),
@@ -69,6 +71,8 @@ def sensor_findings(setting: Setting, residuals: Mapping[str, Floats]) -> tuple[
         raised = stage is not None and floors[stage] > RAISED
         if stage is not None and noise.white:
             raised = raised or quiet_rms(residuals[stage], coloured=True) > RAISED
+        if stage is not None and not noise.white:  # else it is a signal that is merely fast
+            raised = raised and noise.observed < OTHERS * floors[stage] * noise.specified
         if finding is None and raised:
             finding = _noisy(channel, noise, noise.observed)
         if finding is not None:

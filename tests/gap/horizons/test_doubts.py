@@ -12,7 +12,7 @@ import pytest
 from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
-from cjt_gym.gap.check.faults import ONE_INSTANT, SLOPES, UNITS
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
 from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive, allowed_by
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
@@ -193,7 +193,7 @@ def test_a_drive_that_its_stage_finds_quiet_is_not_late(told: Diagnosis) -> None
 def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diagnosis) -> None:
     sure = tuple(replace(e, status="confirmed") for e in told.effects)
     assert told.examination is not None
-    doubts = ((ONE_INSTANT,), (SLOPES,), (UNITS,))
+    doubts = ((ONE_INSTANT,), (SLOPES,), (FACTOR,))
     for advice, status in (((), "confirmed"), *((one, "tentative") for one in doubts)):
         exam = replace(told.examination, advice=advice)
         found = allowed_by(replace(told, effects=sure, examination=exam), {})
