@@ -15,8 +15,9 @@ from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.faults import FACTOR, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
-from cjt_gym.gap.horizons.answer import allowed_by, judged
+from cjt_gym.gap.horizons.answer import allowed_by, judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
+from cjt_gym.gap.joint_file import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.series import Stretch, stretches
@@ -89,6 +90,8 @@ def diagnose(
             found = allowed_by(_drive_alone(found, first, file, shape), excluded)
         else:
             found = judged(found, given, held, file, shape, progress)
+        joint = with_sensors(found.joint, found.effects, title_of(given[0]))
+        found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))

@@ -24,6 +24,7 @@ from cjt_gym.joint.quantity import Setting as Entry
 ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
 TOLERATED = 3.0
 """Number of tolerances up to which a refined value is said to lie within its tolerance."""
+OF_SENSORS = ("noise", "quantization")
 IDENTIFIED = "_identified"
 Refined = Mapping[str, tuple[float, float]]
 Table = dict[str, dict[str, Entry]]
@@ -51,10 +52,8 @@ def identified_joint(
     asymmetric = _is_asymmetric(joint, named)
     if asymmetric and "coulomb" in table:
         table[ASYMMETRIC] = _both_ways(table.pop("coulomb"))
-    sensors = {channel: dict(entries) for channel, entries in joint.sensors.items()}
     for effect in named:
-        if effect.name in ("noise", "quantization"):
-            _worsen(sensors, table, effect, source)
+        if effect.name in OF_SENSORS:
             continue
         found = Found(setting, fields, effect, asymmetric)
         for name, numbers in ROWS[effect.name](found).items():
@@ -70,13 +69,8 @@ def identified_joint(
         source=f"{p.source}; effects {source}" if named else p.source,
         quantities={**p.quantities, **_refined(p.quantities, known, source)},
     )
-    return replace(
-        joint,
-        parameters=parameters,
-        effects=table,
-        sensors=sensors,
-        structure=setting.structure.name,
-    )
+    new = replace(joint, parameters=parameters, effects=table, structure=setting.structure.name)
+    return with_sensors(new, named, record)
 
 
 def identified(name: str) -> str:
@@ -159,17 +153,20 @@ def _share_smoothing(table: Table, joint: JointFile) -> None:
             entries[SMOOTHED] = (*found, *stated, *owners)[0]
 
 
-def _worsen(
-    sensors: dict[str, dict[str, Quantity]], table: Table, effect: NamedEffect, source: str
-) -> None:
-    """Set a channel's noise or resolution to the value found."""
-    key, found = next(iter(effect.parameters.items()))
-    channel = str(effect.channel)
-    value, low, high = (rounded(x) for x in (found.value, found.low, found.high))
-    quantity = Quantity(value, found.unit, source, low=low, high=high)
-    sensors.setdefault(channel, {})[key] = quantity
-    entries = table.setdefault(effect.name, {})
-    entries[channel] = quantity
+def with_sensors(joint: JointFile, named: Sequence[NamedEffect], record: str) -> JointFile:
+    """Return a joint whose channels scatter, or are as coarse, as named effects say."""
+    sensors = {channel: dict(entries) for channel, entries in joint.sensors.items()}
+    table: Table = {name: dict(entries) for name, entries in joint.effects.items()}
+    for effect in named:
+        if effect.name not in OF_SENSORS:
+            continue
+        key, found = next(iter(effect.parameters.items()))
+        channel = str(effect.channel)
+        value, low, high = (rounded(x) for x in (found.value, found.low, found.high))
+        quantity = Quantity(value, found.unit, f"identified from {record}", low=low, high=high)
+        sensors.setdefault(channel, {})[key] = quantity
+        table.setdefault(effect.name, {})[channel] = quantity
+    return replace(joint, effects=table, sensors=sensors)
 
 
 # ---- datasheet values

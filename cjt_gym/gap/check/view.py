@@ -12,6 +12,7 @@ from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
 from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
+from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.joint import STRUCTURES, JointFile, Structure, get_structure
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
@@ -43,7 +44,9 @@ class View:
         """Return the view of one or several records."""
         longest = max(records, key=len)
         channels = channels_of(longest, joint)
-        return cls(tuple(records), joint, structure or _likely(longest, channels, joint), channels)
+        shape = structure or _likely(longest, channels, joint)
+        known = None if joint is None else as_values(joint, shape)
+        return cls(tuple(records), known, shape, channels)
 
     def __contains__(self, name: object) -> bool:
         """Return whether a channel exists and moves."""
