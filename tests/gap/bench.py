@@ -39,11 +39,11 @@ NOISE = {"i": 0.015, "q_m": 1e-6, "q_l": 5e-6, "tau": 0.02}
 STRUCTURE = "rigid_gearbox"
 
 
-def joint_of(folder: Path, more: str = "", **options: object) -> Joint:
+def joint_of(folder: Path, more: str = "", structure: str = STRUCTURE, **options: object) -> Joint:
     """Return the joint of the datasheet with more lines, written to a file in a folder."""
     path = folder / "bench.toml"
     path.write_text(f"{SHEET.rstrip()}\n{more}\n{SENSORS}")
-    return load_joint(str(path), STRUCTURE, **options)  # type: ignore[arg-type]
+    return load_joint(str(path), structure, **options)  # type: ignore[arg-type]
 
 
 def record_of(true: Joint, samples: int = 8000) -> Record:
@@ -53,6 +53,9 @@ def record_of(true: Joint, samples: int = 8000) -> Record:
     torque = steps + 3.0 * np.sin(2.0 * np.pi * 3.0 * t)
     made = quiet(true).simulate(torque, dt=1e-3)
     columns = {"t": t, "i_cmd": torque / (true.parameters.k_t * true.parameters.n)}
+    single = true.structure_row.size == 1
     for name, deviation in NOISE.items():
+        if name in ("q_l", "tau") and single:
+            continue
         columns[name] = made[name] + deviation * rng.standard_normal(samples)
-    return Record(columns, default_units(tuple(columns)), structure=STRUCTURE)
+    return Record(columns, default_units(tuple(columns)), structure=true.structure)

@@ -13,7 +13,7 @@ from cjt_gym.gap.recorded.listed import LISTED, UNSEEN, as_values
 from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.stages.explain import without_effects
-from cjt_gym.joint import EFFECTS, JointFile
+from cjt_gym.joint import EFFECTS, Joint, JointFile
 from tests.gap.bench import STRUCTURE, joint_of, record_of
 
 Values = Mapping[str, float]
@@ -66,21 +66,37 @@ def test_every_effect_that_the_fields_hold_is_tried() -> None:
     assert not LISTED.keys() & UNSEEN
 
 
+def _worst(true: Joint, file: JointFile) -> float:
+    """Return the largest residual, or deviation from the datasheet, of a record of a joint."""
+    (stretch,) = stretches([record_of(true)])
+    setting = make_setting(stretch.record, file, true.structure_row, None, stretch.log)
+    problem, fit = without_effects(setting, ())
+    told = {*file.parameters.quantities, "tau_0"}
+    off = [abs(z) for n, z in zip(problem.shared, fit.z, strict=False) if n.field in told]
+    return float(max(max(fit.mean_square.values()) ** 0.5, *off))
+
+
 @pytest.mark.parametrize("name", VALUES)
 def test_the_stages_know_it(tmp_path: Path, name: str) -> None:
     bare = joint_of(tmp_path)
     sheet = joint_of(tmp_path, listing(name, VALUES[name]))
-    (stretch,) = stretches([record_of(sheet)])
+    assert _worst(sheet, sheet.file) < MOST
+    assert _worst(sheet, bare.file) > LEAST
 
-    def worst(file: JointFile) -> float:
-        setting = make_setting(stretch.record, file, sheet.structure_row, None, stretch.log)
-        problem, fit = without_effects(setting, ())
-        told = {*file.parameters.quantities, "tau_0"}
-        off = [abs(z) for n, z in zip(problem.shared, fit.z, strict=False) if n.field in told]
-        return float(max(max(fit.mean_square.values()) ** 0.5, *off))
 
-    assert worst(sheet.file) < MOST
-    assert worst(bare.file) > LEAST
+@pytest.mark.parametrize("name", ["stribeck", "presliding", "cogging", "gravity", "load_coulomb"])
+def test_the_stages_know_it_of_a_single_mass(tmp_path: Path, name: str) -> None:
+    sheet = joint_of(tmp_path, listing(name, VALUES[name]), "rigid")
+    assert _worst(sheet, sheet.file) < MOST
+
+
+@pytest.mark.parametrize("name", ["load_friction", "gear_ripple"])
+def test_the_stages_leave_out_what_needs_a_torque_that_is_not_measured(
+    tmp_path: Path, name: str
+) -> None:
+    sheet = joint_of(tmp_path, listing(name, VALUES[name]), "rigid")
+    with pytest.raises(ValueError, match=name):
+        _worst(sheet, sheet.file)
 
 
 @pytest.mark.parametrize("names", [("gravity", "stribeck"), ("torque_gain", "hardening")])

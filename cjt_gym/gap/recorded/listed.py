@@ -47,11 +47,13 @@ class Place(NamedTuple):
         zero: Offset subtracted from the motor's angle [rad].
         relaxed: Difference of the angles at which the spring is relaxed [rad].
         in_gear: Whether play lies in a compliant gear, not at the torsion bar.
+        transmits: Whether the transmitted torque was measured.
     """
 
     zero: float
     relaxed: float
     in_gear: bool
+    transmits: bool
 
 
 def as_values(file: JointFile, shape: Structure) -> JointFile:
@@ -186,10 +188,10 @@ def _presliding(f: Fields, v: Numbers, at: Place) -> bool:
 def _load_friction(f: Fields, v: Numbers, at: Place) -> bool:
     for body in BODIES:
         f[f"mu_{body}"] += float(v[f"mu_{body}"])
-    return True
+    return at.transmits
 
 
-def _wave(prefix: str) -> Put:
+def _wave(prefix: str, *, transmitted: bool = False) -> Put:
     """Return the function of a torque over the motor's angle, of one frequency."""
 
     def put(f: Fields, v: Numbers, at: Place) -> bool:
@@ -200,7 +202,7 @@ def _wave(prefix: str) -> Put:
         f[f"{prefix}_f"] = float(turns)
         f[f"{prefix}_a"] = float(v["scale"] * (a * cos + b * sin))
         f[f"{prefix}_b"] = float(v["scale"] * (b * cos - a * sin))
-        return True
+        return at.transmits or not transmitted
 
     return put
 
@@ -244,7 +246,7 @@ LISTED: Final[Mapping[str, Put]] = {
     "presliding": _presliding,
     "load_friction": _load_friction,
     "cogging": _wave("cog"),
-    "gear_ripple": _wave("rip"),
+    "gear_ripple": _wave("rip", transmitted=True),
     "backlash": _backlash,
     "hardening": _hardening,
     "spring_hysteresis": _hysteresis,

@@ -151,7 +151,8 @@ def make_setting(
         std = noise["tau"].std * compliance(joint, structure)
         noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
     bare = Setting(series, structure, joint, nominal_fields(joint, structure), noise)
-    at = Place(series.zero.get("q_m", 0.0), bare.relaxed, bare.has_gear and bare.cut_at_spring)
+    in_gear = bare.has_gear and bare.cut_at_spring
+    at = Place(series.zero.get("q_m", 0.0), bare.relaxed, in_gear, "tau" in series)
     nominal, listed = with_listed(joint, structure, bare.nominal, at)
     still_load = still and bare.has_spring and not structure.output_fixed
     return replace(bare, nominal=nominal, listed=listed, still_load=still_load)
