@@ -114,12 +114,19 @@ def test_what_is_missing_beside_it_is_found(tmp_path: Path) -> None:
     assert found.joint.effects["gravity"] == sheet.file.effects["gravity"]
 
 
-def test_a_weight_that_is_listed_too_light_is_told_as_a_whole(tmp_path: Path) -> None:
-    true = joint_of(tmp_path, listing("gravity", VALUES["gravity"]))
-    sheet = joint_of(tmp_path, listing("gravity", {"torque": 4.0, "angle": 0.7}))
+@pytest.mark.parametrize(
+    ("name", "symbol", "less"), [("gravity", "torque", 4.0), ("stribeck", "d_sm", 1.2)]
+)
+def test_an_effect_that_is_listed_too_small_is_told_as_a_whole(
+    tmp_path: Path, name: str, symbol: str, less: float
+) -> None:
+    true = joint_of(tmp_path, listing(name, VALUES[name]))
+    sheet = joint_of(tmp_path, listing(name, {**VALUES[name], symbol: less}))
     found = diagnose(record_of(true), sheet.file, STRUCTURE)
-    assert [e.name for e in found.effects] == ["gravity"]
-    assert found.effects[0].parameters["torque"].value == pytest.approx(6.0, rel=0.02)
+    assert [e.name for e in found.effects] == [name]
+    for number in found.effects[0].parameters:
+        value = VALUES[name][number]
+        assert found.effects[0].parameters[number].value == pytest.approx(value, rel=0.02)
 
 
 def test_rows_that_replace_values_become_these_values(tmp_path: Path) -> None:

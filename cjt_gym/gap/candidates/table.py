@@ -20,6 +20,17 @@ from cjt_gym.gap.recorded.setting import Setting
 
 ANEW = frozenset({"stribeck", "presliding", "load_friction", "load_coulomb", "viscous_asym"})
 """Laws of friction that are added to the fields; most other candidates set theirs."""
+HELD_BY = {
+    "d_c": "c_p",
+    "d_s": "s_p",
+    "v_s": "v_s",
+    "z_s": "z_s",
+    "mu": "mu",
+    "h": "hyst",
+    "z_h": "hyst_z",
+    "c": "hard",
+}
+"""Fields of numbers of a law, from which a fit may start where the joint file lists them."""
 
 
 def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate, ...]:
@@ -46,15 +57,19 @@ def _anew(row: Candidate, setting: Setting) -> Candidate:
     """
     added = setting.listed.get(row.name, {})
     letter = (row.body or "motor")[0]
+    symbols = [u.symbol.removesuffix(letter) for u in row.unknowns]
+    fields = [HELD_BY.get(symbol, "") for symbol in symbols]
+    known = tuple(added.get(f"{x}_{letter}", added.get(x, 0.0)) for x in fields)
+    starts = (known, *row.starts) if all(known) else row.starts
     old = {k: x for k, x in added.items() if k.endswith(f"_{letter}")}
     if row.name not in ANEW or not old:
-        return row
+        return replace(row, starts=starts)
 
     def apply(f: Fields, v: Values) -> None:
         f.update((field, f[field] - x) for field, x in old.items())
         row.apply(f, v)
 
-    return replace(row, apply=apply)
+    return replace(row, apply=apply, starts=starts)
 
 
 def shown(rows: Sequence[Candidate], stages: tuple[str, ...]) -> tuple[Candidate, ...]:
