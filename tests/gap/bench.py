@@ -53,9 +53,9 @@ def record_of(true: Joint, samples: int = 8000) -> Record:
     torque = steps + 3.0 * np.sin(2.0 * np.pi * 3.0 * t)
     made = quiet(true).simulate(torque, dt=1e-3)
     columns = {"t": t, "i_cmd": torque / (true.parameters.k_t * true.parameters.n)}
-    single = true.structure_row.size == 1
+    sprung = true.structure_row.has_spring
     for name, deviation in NOISE.items():
-        if name in ("q_l", "tau") and single:
+        if name in ("q_l", "tau") and not sprung:
             continue
         columns[name] = made[name] + deviation * rng.standard_normal(samples)
     return Record(columns, default_units(tuple(columns)), structure=true.structure)

@@ -99,10 +99,20 @@ def test_the_stages_leave_out_what_needs_a_torque_that_is_not_measured(
         _worst(sheet, sheet.file)
 
 
-@pytest.mark.parametrize("names", [("gravity", "stribeck"), ("torque_gain", "hardening")])
-def test_a_joint_as_listed_has_no_gap(tmp_path: Path, names: tuple[str, ...]) -> None:
-    sheet = joint_of(tmp_path, "".join(listing(name, VALUES[name]) for name in names))
-    found = diagnose(record_of(sheet), sheet.file, STRUCTURE)
+@pytest.mark.parametrize(
+    ("names", "structure"),
+    [
+        (("gravity", "stribeck"), STRUCTURE),
+        (("torque_gain", "hardening"), STRUCTURE),
+        (("torque_bias", "coulomb"), "output_fixed_rigid_gearbox"),
+    ],
+)
+def test_a_joint_as_listed_has_no_gap(
+    tmp_path: Path, names: tuple[str, ...], structure: str
+) -> None:
+    rows = "".join(listing(name, VALUES[name]) for name in names)
+    sheet = joint_of(tmp_path, rows, structure)
+    found = diagnose(record_of(sheet), sheet.file, structure)
     assert (found.verdict, found.effects) == ("no_gap", ())
 
 

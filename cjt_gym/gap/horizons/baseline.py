@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.log import Log, felt_torque
 from cjt_gym.gap.horizons.model import Draft, body_group, drafted
 from cjt_gym.joint import Joint
 
@@ -28,7 +28,8 @@ def least_squares(joint: Joint, log: Log) -> Joint | None:
     use = log.whole
     v, a = log.speed[use], log.acceleration[use]
     torque = p.k_t * p.n * log.command[use]
-    torque = torque - log.measured["tau"][use] if sprung else torque + log.load[use]
+    felt = felt_torque(log.measured["tau"][use], joint.file) if sprung else -log.load[use]
+    torque = torque - felt
     if np.ptp(torque) == 0.0:  # as where a joint coasts: every inertia fits
         return None
     width = max(SHARP * float(np.std(v)), 1e-12)

@@ -18,7 +18,7 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.gap.horizons.bristles import FEWEST as FEWEST_WAYS
 from cjt_gym.gap.horizons.bristles import bent, paths, ways
-from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
+from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log, felt_torque
 from cjt_gym.gap.horizons.model import body_group
 from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.spent import (
@@ -240,7 +240,7 @@ def _columns(
     p = joint.parameters
     count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
     torque = p.k_t * p.n * log.command
-    torque = torque - log.measured["tau"] if sprung else torque + log.load
+    torque = torque - (felt_torque(log.measured["tau"], joint.file) if sprung else -log.load)
     if wave is not None:
         f, cosine, sine = wave.values
         turned = f * log.measured["q_m"]

@@ -17,6 +17,7 @@ from cjt_gym.gap.horizons.spent import STUCK
 from cjt_gym.gap.recorded.series import current_before, same_file
 from cjt_gym.gap.recorded.slope import is_slope
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
@@ -163,11 +164,12 @@ def to_log(
     shown = _measured(record, even, structure, grid)
     used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]
     holes = _holes(grid, t, [columns[n] for n in used], dt)
-    zero = _relaxed(shown, even.get("q_l"), command, structure, dt, ~holes)
+    felt = shown | ({"tau": felt_torque(shown["tau"], file)} if "tau" in shown else {})
+    zero = _relaxed(felt, even.get("q_l"), command, structure, dt, ~holes)
     if "q_l" in shown:
-        shown["q_l"] = shown["q_l"] + zero
+        shown["q_l"] = felt["q_l"] = shown["q_l"] + zero
     held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
-    angles = _angles(shown, held, structure, file)
+    angles = _angles(felt, held, structure, file)
     states = _smooth_states(angles, _usual_count(dt), dt)
     with_speed = "dq_m" in even and is_slope(even["dq_m"], angles[:, 0], dt)
     if with_speed:
@@ -270,6 +272,14 @@ def _measured(
             f"with a spring its torque tau [N m]. Columns there: {', '.join(record.columns)}."
         )
     return found
+
+
+def felt_torque(tau: Floats, file: JointFile) -> Floats:
+    """Return the torque that a sensor felt, without the bias and gain that a joint file lists."""
+    bias, gain = file.effects.get("torque_bias", {}), file.effects.get("torque_gain", {})
+    off, scale = bias.get("bias"), gain.get("gain")
+    tau = tau - off.number if isinstance(off, Quantity) else tau
+    return tau / scale.number if isinstance(scale, Quantity) else tau
 
 
 def _relaxed(

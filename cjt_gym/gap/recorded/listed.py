@@ -210,19 +210,19 @@ def _wave(prefix: str, *, transmitted: bool = False) -> Put:
 def _backlash(f: Fields, v: Numbers, at: Place) -> bool:
     """Set play in the gear or at the bar; the record tells where it lies between its ends."""
     f["play_g" if at.in_gear else "play"] = float(v["gap"])
-    return True
+    return at.transmits
 
 
 def _hardening(f: Fields, v: Numbers, at: Place) -> bool:
     f["hard"] = float(v["k_3"]) / f["k_b"]
-    return True
+    return at.transmits
 
 
 def _hysteresis(f: Fields, v: Numbers, at: Place) -> bool:
     slip = v["elements"] > 0.0
     f["hyst"], f["hyst_n"] = float(v["tau_h"]), 0.0 if slip else 1.0
     f["hyst_z"] = float(v["delta_h"]) * (SLIP_SPAN if slip else 1.0)
-    return True
+    return at.transmits
 
 
 def _gravity(f: Fields, v: Numbers, at: Place) -> bool:
