@@ -45,6 +45,15 @@ OUTSIDE = 3.0
 """Number of tolerances, and of deviations, by which damping must exceed the datasheet's."""
 PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
 """Regressor columns of each effect."""
+HELD_IN = {
+    "coulomb_asym": ("coulomb", "torque_offset"),
+    "viscous_asym": ("damping", "torque_offset"),
+    "stribeck": ("coulomb",),
+    "presliding": ("coulomb",),
+    "load_friction": ("coulomb",),
+    "load_coulomb": ("coulomb",),
+}
+"""What a regression shows of effects that it does not have."""
 DRAG, HALF = "damping", 0.5
 """Effect that may be too small to be detected but whose torque others absorb if it is left out,
 and the share of another effect that must remain once it is included."""
@@ -134,10 +143,13 @@ def seen_in_torque(
 ) -> dict[str, Spent]:
     """Return the effects on which torque is clearly spent, of those the record can identify.
 
-    The regression has the others, too: what they do must not pass for another effect.
+    The regression has the others, too, and what the joint file lists: what they do must not pass
+    for another effect.
     """
     turns = joint.parameters.axis == "rotary"
-    names = [n for n in PLACES if n not in joint.effects and (turns or n != "gravity")]
+    names = [n for n in PLACES if turns or n != "gravity"]
+    known = {n for name in joint.effects for n in (name, *HELD_IN.get(name, ()))}
+    excluded = {*excluded, *known}
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
     path = 0.0 if {"presliding"} & {*excluded, *joint.effects} else _path(joint, logs, wave)
     found = [one for one in spent(joint, logs, names, wave, path) if one.name not in excluded]

@@ -54,14 +54,21 @@ STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
 def stages_of(
     first: Diagnosis, judged: Judgement, effects: Sequence[NamedEffect]
 ) -> dict[str, StageGap]:
-    """Return the stages' gaps in units of the unpredictable error, if a channel shows them."""
+    """Return the stages' gaps in units of the unpredictable error, if a channel shows them.
+
+    What acts on bodies whose channels were not recorded shows in the motor's.
+    """
     out = dict(first.stages)
+    shown = {STAGES[row.channel] for row in judged.rows}
+    blamed = {
+        e.stage if e.stage in shown else "motor" for e in effects if e.stage in STAGES.values()
+    }
     for channel, stage in STAGES.items():
         rows = [r for r in judged.rows if r.channel == channel and r.floor]
         if rows:
             worst = max(rows, key=lambda r: r.datasheet / max(r.floor or 1.0, 1e-9))
             floor = max(worst.floor or 1.0, 1e-9)
-            named = any(e.stage == stage for e in effects) or any(r.unexplained for r in rows)
+            named = stage in blamed or any(r.unexplained for r in rows)
             out[stage] = StageGap(worst.datasheet / floor, worst.found / floor, named)
     return out
 
