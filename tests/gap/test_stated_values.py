@@ -32,15 +32,15 @@ def test_the_effect_that_frees_a_value_far_off_explains_it(tmp_path: Path, facto
     assert found.effects[0].parameters["d_m"].value == pytest.approx(off["d_m"], rel=0.02)
 
 
-def sticking(folder: Path, level: float) -> Diagnosis:
+def sticking(folder: Path, level: float, structure: str = STRUCTURE) -> Diagnosis:
     """Return the diagnosis of a joint that sticks, by a datasheet that does not say that it does.
 
     Its friction is 2.5 N m within 20 %.
     """
-    sheet = joint_of(folder, FRICTION)
+    sheet = joint_of(folder, FRICTION, structure)
     effects = {"coulomb": {"d_cm": level, "dq_0": 0.0}}
-    true = joint_of(folder, effects=effects)
-    return diagnose(record_of(true), sheet.file, STRUCTURE)
+    true = joint_of(folder, structure=structure, effects=effects)
+    return diagnose(record_of(true), sheet.file, structure)
 
 
 def test_friction_within_its_tolerance_is_refined(tmp_path: Path) -> None:
@@ -50,8 +50,9 @@ def test_friction_within_its_tolerance_is_refined(tmp_path: Path) -> None:
     assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(2.8, rel=0.02)  # type: ignore[union-attr]
 
 
-def test_friction_beyond_its_tolerance_is_named(tmp_path: Path) -> None:
-    found = sticking(tmp_path, 5.0)
+@pytest.mark.parametrize("structure", [STRUCTURE, "rigid"])
+def test_friction_beyond_its_tolerance_is_named(tmp_path: Path, structure: str) -> None:
+    found = sticking(tmp_path, 5.0, structure)
     assert [e.name for e in found.effects] == ["coulomb"]
     assert found.effects[0].parameters["d_cm"].value == pytest.approx(5.0, rel=0.02)
 

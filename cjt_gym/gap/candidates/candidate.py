@@ -33,6 +33,7 @@ class Candidate:
     releases: str | None = None  # datasheet field that it sets free, if that is all it does
     # kind of periodic torque whose frequency is searched in the residual, if any
     search: str | None = None
+    listed: tuple[float, ...] = ()  # its numbers as the joint file lists them, if it does
     variant: str = ""  # which of several laws of the same effect
     outside: str = ""  # description of a cause that is not in the effect table
 

@@ -16,12 +16,12 @@ from cjt_gym.gap.candidates.motor import motor_rows
 from cjt_gym.gap.candidates.sensing import sensing_rows
 from cjt_gym.gap.candidates.transmission import transmission_rows
 from cjt_gym.gap.recorded.fields import Fields
+from cjt_gym.gap.recorded.listed import in_place_of
 from cjt_gym.gap.recorded.setting import Setting
 
-ANEW = frozenset({"stribeck", "presliding", "load_friction", "load_coulomb", "viscous_asym"})
-"""Laws of friction that are added to the fields; most other candidates set theirs."""
 HELD_BY = {
     "d_c": "c_p",
+    "d_c_n": "c_n",
     "d_s": "s_p",
     "v_s": "v_s",
     "z_s": "z_s",
@@ -53,23 +53,28 @@ def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate
 def _anew(row: Candidate, setting: Setting) -> Candidate:
     """Return a candidate that takes the place of what the joint file lists of its effect.
 
-    Coulomb friction is added to what is listed, as are rows of a single field.
+    Its fits start from what is listed, too. Laws without a body set their fields in any case, or
+    are told by what the fields are then.
     """
-    added = setting.listed.get(row.name, {})
+    rows = (setting.listed.get(name, {}) for name in in_place_of(row.name))
+    listed = {field: x for own in rows for field, x in own.items()}
     letter = (row.body or "motor")[0]
-    symbols = [u.symbol.removesuffix(letter) for u in row.unknowns]
-    fields = [HELD_BY.get(symbol, "") for symbol in symbols]
-    known = tuple(added.get(f"{x}_{letter}", added.get(x, 0.0)) for x in fields)
-    starts = (known, *row.starts) if all(known) else row.starts
-    old = {k: x for k, x in added.items() if k.endswith(f"_{letter}")}
-    if row.name not in ANEW or not old:
-        return replace(row, starts=starts)
+    symbols = [u.symbol.replace(f"_c{letter}", "_c") for u in row.unknowns]
+    fields = [HELD_BY.get(symbol.removesuffix(letter), "") for symbol in symbols]
+    known = tuple(listed.get(f"{x}_{letter}", listed.get(x, 0.0)) for x in fields)
+    if known and all(known):
+        row = replace(row, starts=(known, *row.starts), listed=known)
+    old = {k: x for k, x in listed.items() if k.endswith(f"_{letter}")}
+    if row.family != "friction" or not old:
+        return row
+
+    first = row.apply
 
     def apply(f: Fields, v: Values) -> None:
         f.update((field, f[field] - x) for field, x in old.items())
-        row.apply(f, v)
+        first(f, v)
 
-    return replace(row, apply=apply, starts=starts)
+    return replace(row, apply=apply)
 
 
 def shown(rows: Sequence[Candidate], stages: tuple[str, ...]) -> tuple[Candidate, ...]:

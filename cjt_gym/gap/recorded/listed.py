@@ -37,6 +37,8 @@ UNSEEN = frozenset(
 )
 """Effects that predictions of the stages need not know: scatter, and what is measured anyway."""
 
+COULOMB = ("coulomb", "coulomb_asym")
+"""Rows that set the same levels."""
 Numbers = Mapping[str, Any]
 
 
@@ -54,6 +56,11 @@ class Place(NamedTuple):
     relaxed: float
     in_gear: bool
     transmits: bool
+
+
+def in_place_of(name: str) -> tuple[str, ...]:
+    """Return the listed effects whose place a law takes that a diagnosis finds."""
+    return COULOMB if name in COULOMB else (name,)
 
 
 def as_values(file: JointFile, shape: Structure) -> JointFile:

@@ -49,7 +49,8 @@ def _is_open(file: JointFile, effect: str, symbol: str, value: float) -> bool:
         return known is not None
     if not symbol.startswith(LEVELS) or not known.tolerance or min(value, known.number) <= 0.0:
         return False
-    return abs(math.log(value / known.number)) <= OUTSIDE * known.tolerance
+    ratio = value / known.number
+    return max(abs(math.log(ratio)), abs(ratio - 1.0)) <= OUTSIDE * known.tolerance
 
 
 def _is_listed(entry: Quantity, value: float) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.recorded.fields import Fields
-from cjt_gym.gap.recorded.listed import SLIP_SPAN
+from cjt_gym.gap.recorded.listed import SLIP_SPAN, in_place_of
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
@@ -66,6 +66,11 @@ class Found:
     def named(self, symbol: str) -> float:
         """Return a number as it was named."""
         return self.effect.parameters[symbol].value
+
+    def beside(self, field: str) -> float:
+        """Return a field of the nominal joint without what it lists of the effect."""
+        own = [self.setting.listed.get(name, {}) for name in in_place_of(self.effect.name)]
+        return self.setting.nominal[field] - sum(one.get(field, 0.0) for one in own)
 
     def moved(self, symbol: str, value: float, slope: float = 1.0, note: str = "") -> Number:
         """Return a value whose interval is that of a named number, times a slope."""
@@ -180,7 +185,7 @@ def _ripple(x: Found) -> Rows:
 # ---- friction
 def _coulomb(x: Found) -> Rows:
     level = f"d_c{x.letter}"
-    totals = [x.setting.nominal[f"{field}_{x.letter}"] + x.named(level) for field in ("c_p", "c_n")]
+    totals = [x.beside(f"{field}_{x.letter}") + x.named(level) for field in ("c_p", "c_n")]
     if not x.asymmetric:
         return {"coulomb": {level: x.moved(level, totals[0]), "dq_0": x.smoothing}}
     up, down = (x.moved(level, total) for total in totals)
@@ -191,7 +196,7 @@ def _coulomb_asym(x: Found) -> Rows:
     numbers = {"dq_0": x.smoothing}
     for way, field in (("", "c_p"), ("_n", "c_n")):
         level = f"d_c{x.letter}{way}"
-        total = x.setting.nominal[f"{field}_{x.letter}"] + x.named(level)
+        total = x.beside(f"{field}_{x.letter}") + x.named(level)
         numbers[level] = x.moved(level, total)
     return {"coulomb_asym": numbers}
 
@@ -210,9 +215,7 @@ def _stribeck(x: Found) -> Rows:
 
 def _presliding(x: Found) -> Rows:
     level, width = f"d_c{x.letter}", x.named("z_s")
-    field = f"c_p_{x.letter}"
-    beside = x.setting.nominal[field] - x.setting.listed.get("presliding", {}).get(field, 0.0)
-    total = beside + x.named(level)
+    total = x.beside(f"c_p_{x.letter}") + x.named(level)
     stiffness = x.scaled("z_s", total / width, -1.0)
     return {
         "presliding": {

@@ -18,6 +18,8 @@ from cjt_gym.joint.arrays import Floats
 RELINEARISED = 3
 STRAINED = 3.0
 """Deviation of a datasheet value, in tolerances, that an effect may take over."""
+TORQUES = ("N m", "N")
+"""Units of numbers that grow with all other torques."""
 MOVED = 1.0
 """Step of a coordinate above which the stages it changes are computed, not extrapolated."""
 
@@ -52,9 +54,9 @@ class Look:
         for start in starts:
             e = [u.coordinate(x) for u, x in zip(effect.unknowns, start, strict=True)]
             steps.append(self._improve(effect, np.concatenate([self.fit.z, e])))
-        relieved = self._relieved(effect)
-        if relieved is not None:
-            steps.append(self._improve(effect, relieved))
+        for other in (self._relieved(effect), self._rescaled(effect)):
+            if other is not None:
+                steps.append(self._improve(effect, other))
         if not steps:
             return None
         return self._as_fit(effect, min(steps, key=lambda pair: pair[0])[1])
@@ -75,6 +77,26 @@ class Look:
         excess = self.problem.shared[k].unknown.value(float(z[k])) - nominal
         z[k] = 0.0
         return np.append(z, unknown.coordinate(unknown.start + excess))
+
+    def _rescaled(self, effect: Candidate) -> Floats | None:
+        """Return the datasheet with a listed law in place of a strained torque constant, if any.
+
+        What a law that is listed too small lacks, all other torques give up if they can.
+        """
+        shared, setting = self.problem.shared, self.problem.stages.setting
+        fields = [nuisance.field for nuisance in shared]
+        if not effect.listed or "k_t" not in fields:
+            return None
+        k = fields.index("k_t")
+        if abs(self.fit.z[k]) < STRAINED:
+            return None
+        ratio = setting.nominal["k_t"] / shared[k].unknown.value(float(self.fit.z[k]))
+        z = self.fit.z.copy()
+        stated = [field in setting.joint.parameters.quantities for field in fields]
+        z[: len(fields)][stated] = 0.0
+        numbers = zip(effect.unknowns, effect.listed, strict=True)
+        own = [u.coordinate(ratio * x if u.unit in TORQUES else x) for u, x in numbers]
+        return np.concatenate([z, own])
 
     def refine(self, rough: Fit) -> Fit:
         """Return the fit of `first` after a few more steps."""
