@@ -144,12 +144,12 @@ def test_friction_of_two_bodies_leaves_the_third_without(tmp_path: Path) -> None
     assert values == {"d_cm": 1.0, "d_cg": 2.0, "d_cl": 0.0, "dq_0": 0.0}
 
 
-def test_levels_add_to_those_that_the_nominal_joint_lists(tmp_path: Path) -> None:
+def test_levels_take_the_place_of_those_that_the_nominal_joint_lists(tmp_path: Path) -> None:
     listed = {"d_cm": Quantity(2.0, "N m"), "dq_0": Quantity(0.002, "rad/s")}
     stated = with_effect("coulomb", body="motor", **listed)
-    more = found(effect("coulomb", "motor", d_cm=0.5), stated=stated)
+    more = found(effect("coulomb", "motor", d_cm=2.5), stated=stated)
     assert more.effects["coulomb"]["d_cm"].number == pytest.approx(2.5)  # type: ignore[union-attr]
-    skewed = found(effect("coulomb_asym", "motor", d_cm=0.5, d_cm_n=1.0), stated=stated)
+    skewed = found(effect("coulomb_asym", "motor", d_cm=2.5, d_cm_n=3.0), stated=stated)
     joint = load(skewed, "full_dynamics", tmp_path / "joint.toml")
     assert "coulomb" not in joint.effects
     levels = joint.effects["coulomb_asym"]

@@ -125,14 +125,19 @@ def test_what_is_missing_beside_it_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "symbol", "less"), [("gravity", "torque", 4.0), ("stribeck", "d_sm", 1.2)]
+    ("name", "less", "structure"),
+    [
+        ("gravity", {"torque": 4.0}, STRUCTURE),
+        ("stribeck", {"d_sm": 1.2}, STRUCTURE),
+        ("cogging", {"a": 0.5, "b": -1.0}, "output_fixed_rigid_gearbox"),
+    ],
 )
 def test_an_effect_that_is_listed_too_small_is_told_as_a_whole(
-    tmp_path: Path, name: str, symbol: str, less: float
+    tmp_path: Path, name: str, less: Values, structure: str
 ) -> None:
-    true = joint_of(tmp_path, listing(name, VALUES[name]))
-    sheet = joint_of(tmp_path, listing(name, {**VALUES[name], symbol: less}))
-    found = diagnose(record_of(true), sheet.file, STRUCTURE)
+    true = joint_of(tmp_path, listing(name, VALUES[name]), structure)
+    sheet = joint_of(tmp_path, listing(name, {**VALUES[name], **less}), structure)
+    found = diagnose(record_of(true), sheet.file, structure)
     assert [e.name for e in found.effects] == [name]
     for number in found.effects[0].parameters:
         value = VALUES[name][number]

@@ -43,8 +43,9 @@ def sticking(folder: Path, level: float, structure: str = STRUCTURE) -> Diagnosi
     return diagnose(record_of(true), sheet.file, structure)
 
 
-def test_friction_within_its_tolerance_is_refined(tmp_path: Path) -> None:
-    found = sticking(tmp_path, 2.8)
+@pytest.mark.parametrize("structure", [STRUCTURE, "rigid"])
+def test_friction_within_its_tolerance_is_refined(tmp_path: Path, structure: str) -> None:
+    found = sticking(tmp_path, 2.8, structure)
     assert (found.verdict, found.effects) == ("no_gap", ())
     assert not any(stage.significant for stage in found.stages.values())
     assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(2.8, rel=0.02)  # type: ignore[union-attr]

@@ -32,6 +32,13 @@ HELD_BY = {
 }
 """Fields of numbers of a law, from which a fit may start where the joint file lists them."""
 
+WAVES = {
+    "cogging": {"f": "cog_f", "a": "cog_a", "b": "cog_b"},
+    "gear_ripple": {"f": "rip_f", "a": "rip_a", "b": "rip_b"},
+    "gravity": {"a": "grav_a", "b": "grav_b"},
+}
+"""The same of what repeats with an angle."""
+
 
 def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate, ...]:
     """Return all candidates of the effect table that a record with these stages can reveal."""
@@ -60,7 +67,8 @@ def _anew(row: Candidate, setting: Setting) -> Candidate:
     listed = {field: x for own in rows for field, x in own.items()}
     letter = (row.body or "motor")[0]
     symbols = [u.symbol.replace(f"_c{letter}", "_c") for u in row.unknowns]
-    fields = [HELD_BY.get(symbol.removesuffix(letter), "") for symbol in symbols]
+    held = HELD_BY | WAVES.get(row.name, {})
+    fields = [held.get(symbol.removesuffix(letter), "") for symbol in symbols]
     known = tuple(listed.get(f"{x}_{letter}", listed.get(x, 0.0)) for x in fields)
     if known and all(known):
         row = replace(row, starts=(known, *row.starts), listed=known)

@@ -10,7 +10,7 @@ from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, body_group
 from cjt_gym.gap.horizons.rows import BODIES, sets
 from cjt_gym.gap.horizons.sheet import datasheet_number
-from cjt_gym.gap.recorded.tolerances import GUESSED, VAGUE, tolerance_of
+from cjt_gym.gap.recorded.tolerances import GUESSED, VAGUE, stated, tolerance_of
 from cjt_gym.joint import Joint, JointFile
 
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
@@ -51,6 +51,7 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         found.append(_stated(file, "gear_stiffness", "k_g", STIFFNESS))
     if groups.groups[2] >= 0 and groups.groups[2] != groups.groups[0]:
         found.append(_stated(file, "load_inertia", "I_l", INERTIA))
+    found += _stated_friction(joint)
     others = [b for b in "gl" if b not in body_group(groups, "m") and is_damping_stated(joint, b)]
     return (*found, *(_stated_damping(joint, scales, body) for body in others))
 
@@ -76,6 +77,18 @@ def _stated_damping(joint: Joint, scales: Scales, body: str) -> Term:
     tolerance = tolerance_of(joint.file, symbol, math.inf)
     number = Number(symbol, "N m s/rad", start, tolerance, True, start / 100.0, most)
     return Term("damping", (number,), sets("damping", symbol), BODIES[body], nominal=(start,))
+
+
+def _stated_friction(joint: Joint) -> list[Term]:
+    """Return the motor's Coulomb friction, if the datasheet states how well its level is known."""
+    level = float(joint.effects.get("coulomb", {}).get("d_cm", 0.0))  # type: ignore[arg-type]
+    known = stated(joint.file, "coulomb", "d_cm")
+    if level <= 0.0 or known is None or not (known.guess or known.tolerance):
+        return []
+    scale = GUESSED if known.guess else min(float(known.tolerance or 0.0), GUESSED)
+    number = Number("d_cm", "N m", level, scale, True, level / 100.0, level * 100.0, True)
+    put = sets("coulomb", "d_cm")
+    return [Term("coulomb", (number,), put, "motor", nominal=(level,), family="dry")]
 
 
 def _inertia(joint: Joint) -> Number:

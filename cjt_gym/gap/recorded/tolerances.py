@@ -33,6 +33,12 @@ def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
     return math.inf if stated >= VAGUE else max(stated, 1e-3)
 
 
+def stated(file: JointFile, effect: str, symbol: str) -> Quantity | None:
+    """Return what a joint file states of a number of an effect, there or among the parameters."""
+    entry = file.effects.get(effect, {}).get(symbol)
+    return entry if isinstance(entry, Quantity) else file.parameters.quantities.get(symbol)
+
+
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:
     """Return whether an effect is no more than values that a datasheet leaves open."""
     levels = {symbol: value for symbol, value in values.items() if symbol != SMOOTHING}
@@ -41,8 +47,7 @@ def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> b
 
 def _is_open(file: JointFile, effect: str, symbol: str, value: float) -> bool:
     """Return whether a value is guessed, is listed, or is dry friction within its tolerance."""
-    entry = file.effects.get(effect, {}).get(symbol)
-    known = entry if isinstance(entry, Quantity) else file.parameters.quantities.get(symbol)
+    entry, known = file.effects.get(effect, {}).get(symbol), stated(file, effect, symbol)
     if isinstance(entry, Quantity) and _is_listed(entry, value):
         return True
     if known is None or known.guess:

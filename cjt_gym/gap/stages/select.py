@@ -326,7 +326,8 @@ class Selection:
             stage = LINES[effect.search]
             return line_starts(residuals[stage], stages.setting.series.dt)
         if effect.search is not None:
-            return periodic_starts(stages, fields, residuals["motor"], effect.search)
+            found = periodic_starts(stages, fields, residuals["motor"], effect.search)
+            return (*found, effect.listed) if effect.listed else found
         return effect.starts
 
 
