@@ -60,8 +60,8 @@ def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate
 def _anew(row: Candidate, setting: Setting) -> Candidate:
     """Return a candidate that takes the place of what the joint file lists of its effect.
 
-    Its fits start from what is listed, too. Laws without a body set their fields in any case, or
-    are told by what the fields are then.
+    Its fits start from what is listed, too. Candidates other than friction set their fields anyway,
+    or are told as the totals of their fields.
     """
     rows = (setting.listed.get(name, {}) for name in in_place_of(row.name))
     listed = {field: x for own in rows for field, x in own.items()}

@@ -18,7 +18,7 @@ OUTSIDE = 3.0
 LEAST = 0.01
 """Relative deviation that an identified value always has: sensors are no better."""
 LEVELS = "d_c"
-"""Beginning of the symbols of dry friction, which no fit refines within its tolerance."""
+"""Beginning of the symbols of dry friction, whose tolerance the stages do not know."""
 SMOOTHING = "dq_0"
 
 
