@@ -79,7 +79,7 @@ def test_a_regression_that_halves_the_error_leaves_a_gap_without_a_name(
     nominal: float, verdict: str
 ) -> None:
     case = make_case([record(seconds=4.0)], [], datasheet(), get_structure("rigid"))
-    regressed = least_squares(case.joint, case.logs[0])
+    regressed = least_squares(case.joint, case.logs)
     assert regressed is not None
     row = Row(0.5, "q_m", nominal, 0.2, 0.2, 0.2, Predictable(0.0, 0.1))
     judged = Judgement(case, "least squares", regressed, (row,))

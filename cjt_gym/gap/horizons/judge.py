@@ -155,7 +155,7 @@ def judge(
     scales = scales_of(case.joint, case.logs)
     own = own_terms(case.joint, scales)
     joints = {"datasheet": case.joint}
-    ls = least_squares(case.joint, case.logs[0])
+    ls = least_squares(case.joint, case.logs)
     if ls is not None:
         joints["least squares"] = ls
     if stages is not None:

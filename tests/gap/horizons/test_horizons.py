@@ -27,6 +27,7 @@ from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split, wor
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.diagnosed import covariance_of
 from cjt_gym.joint.joint import Joint
+from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DAMPING, DRY, DT, INERTIA, datasheet, record
 
 RIGID = get_structure("rigid")
@@ -82,13 +83,26 @@ def test_inertia_damping_and_friction_come_out_of_a_guess(plain: tuple[Case, Fou
 
 def test_what_was_found_beats_datasheet_and_least_squares(plain: tuple[Case, Found]) -> None:
     case, found = plain
-    regression = least_squares(case.joint, case.logs[0])
+    regression = least_squares(case.joint, case.logs)
     assert regression is not None
     mine = relative(case.test, case.test.errors(found.fit.model.at(found.fit.z)))
     for other in (case.joint, regression):
         theirs = relative(case.test, case.test.errors(other))
         assert all(mine[key] <= 1.02 * theirs[key] for key in mine if key[1] > 0.02)
     assert mine["q_m", 0.5] < 0.1
+
+
+def test_least_squares_learns_from_records_of_either_direction_together() -> None:
+    made = record(seconds=8.0)
+    forward = np.gradient(made["q_m"], DT) > 0.0
+    ways = []
+    for way in (forward, ~forward):
+        columns = {n: made[n][way] for n in ("q_m", "i")}
+        ways.append(Record({"t": made.t[way], **columns}, made.units, structure="rigid"))
+    regressed = least_squares(case_of().joint, [to_log(one, datasheet(), RIGID) for one in ways])
+    assert regressed is not None
+    assert regressed.effects["coulomb"]["d_cm"] == pytest.approx(DRY, rel=0.1)
+    assert abs(regressed.effects["torque_offset"]["torque"]) < 0.1 * DRY
 
 
 def test_noise_of_the_current_that_nobody_specified_does_not_hide_friction() -> None:
