@@ -88,7 +88,7 @@ def load(file: JointFile, structure: str, path: Path, *, write: bool = True) -> 
 
 def named(candidate: Candidate, values: Mapping[str, float]) -> NamedEffect:
     """Return the effect as a diagnosis would name it, every number known to ten per cent."""
-    found = exactly(candidate, list(values.values()))
+    found = exactly(candidate, values)
     spans = {
         s: replace(x, low=x.value - _tenth(x.value), high=x.value + _tenth(x.value))
         for s, x in found.parameters.items()

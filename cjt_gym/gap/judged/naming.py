@@ -188,12 +188,10 @@ def _is_uneven(problem: Problem, named: Fit, fit: Fit, body: str | None) -> bool
     others = {e.name for e in fit.model.effects} - {"coulomb_asym"}
     if not others <= {e.name for e in named.model.effects} - {"coulomb", "torque_offset"}:
         return False
-    at = len(problem.shared)
-    for effect in fit.model.effects:
+    for index, effect in enumerate(fit.model.effects):
         if effect.name == "coulomb_asym" and effect.body == body:
-            levels = [u.value(z) for u, z in zip(effect.unknowns, fit.z[at:], strict=False)]
-            return max(levels[:2]) > MIRRORED * min(levels[:2])
-        at += len(effect.unknowns)
+            levels = problem.values(fit.model, fit.z, index).values()
+            return max(levels) > MIRRORED * min(levels)
     return False
 
 

@@ -83,10 +83,9 @@ def written(problem: Problem, model: Model, z: Floats) -> Written:
     known = {*setting.joint.parameters.quantities, "lag"}
     known -= {effect.releases for effect in model.effects}
     values = {n.field: (fields[n.field], 0.0) for n in problem.shared if n.field in known}
-    ends = np.cumsum([len(problem.shared), *(len(e.unknowns) for e in model.effects)])
     named = [
-        exactly(effect, [u.value(float(x)) for u, x in zip(effect.unknowns, z[at:], strict=False)])
-        for effect, at in zip(model.effects, ends, strict=False)
+        exactly(effect, problem.values(model, z, index))
+        for index, effect in enumerate(model.effects)
         if not effect.outside
     ]
     return Written(fields, identified_joint(setting, fields, named, values, ""))
@@ -111,22 +110,20 @@ def steps(
         record: Name of the record.
     """
     shared, setting = len(problem.shared), problem.stages.setting
-    ends = np.cumsum([shared, *(len(e.unknowns) for e in fit.model.effects)])
     at = {(e.name, e.body, e.channel): k for k, e in enumerate(fit.model.effects)}
     keys = [(e.name, e.body, e.channel) for e in named]
     found = [nominal]
     for count in range(len(named) + 1):
         some = sorted(at[key] for key in keys[:count])
-        z = np.concatenate([fit.z[:shared], *(fit.z[ends[k] : ends[k + 1]] for k in some)])
+        z = np.concatenate([fit.z[:shared], *(fit.z[problem.span(fit.model, k)] for k in some)])
         fields = problem.fields(Model(tuple(fit.model.effects[k] for k in some)), z)
         file = identified_joint(setting, fields, named[:count], refined, record)
         found.append(Written(fields, file))
     return found
 
 
-def exactly(effect: Candidate, numbers: Sequence[float]) -> NamedEffect:
+def exactly(effect: Candidate, values: Mapping[str, float]) -> NamedEffect:
     """Return an effect as if it were named, with exactly known numbers."""
-    values = {u.symbol: x for u, x in zip(effect.unknowns, numbers, strict=True)}
     spans = {symbol: Interval(x, x, x, "") for symbol, x in values.items()}
     row = (effect.name, effect.stage, effect.body, effect.channel)
     return NamedEffect(*row, spans, "tentative", 0.0, 0.0)

@@ -41,6 +41,10 @@ class Model:
 
     effects: tuple[Candidate, ...] = ()
 
+    def without(self, index: int) -> Model:
+        """Return the model without one of its effects."""
+        return Model(self.effects[:index] + self.effects[index + 1 :])
+
     def fields(self, base: Fields, shared: Sequence[Nuisance], z: Floats) -> Fields:
         """Return the fields at coordinates z: first the nuisances', then each effect's."""
         fields = dict(base)
@@ -95,6 +99,16 @@ class Problem:
         """Return all numbers of a model in the order of its coordinates."""
         found = [n.unknown for n in self.shared]
         return found + [u for effect in model.effects for u in effect.unknowns]
+
+    def span(self, model: Model, index: int) -> slice:
+        """Return the slice of an effect's coordinates."""
+        at = len(self.shared) + sum(len(e.unknowns) for e in model.effects[:index])
+        return slice(at, at + len(model.effects[index].unknowns))
+
+    def values(self, model: Model, z: Floats, index: int) -> dict[str, float]:
+        """Return the numbers of an effect by their symbols."""
+        pairs = zip(model.effects[index].unknowns, z[self.span(model, index)], strict=True)
+        return {unknown.symbol: unknown.value(float(x)) for unknown, x in pairs}
 
     def touches(self, model: Model) -> list[tuple[str, ...]]:
         """Return the stages that each coordinate changes, of those that the record shows."""
@@ -293,8 +307,5 @@ def retuned(problem: Problem, fit: Fit) -> Fit:
 
 def without(problem: Problem, fit: Fit, index: int) -> Fit:
     """Return the fit of a model without one of its effects."""
-    effects = fit.model.effects
-    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
-    z = np.delete(fit.z, slice(at, at + len(effects[index].unknowns)))
-    model = replace(fit.model, effects=effects[:index] + effects[index + 1 :])
-    return problem.fit(model, z, known=fit.jacobian)
+    z = np.delete(fit.z, problem.span(fit.model, index))
+    return problem.fit(fit.model.without(index), z, known=fit.jacobian)

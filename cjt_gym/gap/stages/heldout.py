@@ -87,8 +87,7 @@ def _trial(held: Problem, full: Fit, index: int) -> Trial:
     touched = [n for n in full.model.effects[index].touches if n in full.mean_square]
     if not touched:
         return Trial(0.0, 1.0)
-    less = replace(full.model, effects=full.model.effects[:index] + full.model.effects[index + 1 :])
-    residuals = held.fit(less, full.z, MOVES).residuals
+    residuals = held.fit(full.model.without(index), full.z, MOVES).residuals
     weights = {n: 1.0 / max(full.mean_square[n], 1.0) for n in touched}
     change = {n: residuals[n] - full.residuals[n] for n in touched}
     size = sum(w * float(change[n] @ change[n]) for n, w in weights.items())
@@ -114,17 +113,13 @@ def _kept(held: Problem, full: Fit) -> tuple[Problem, Fit]:
     stages = Stages(
         replace(setting, nominal=nominal), held.stages.gains, springs=held.stages.springs
     )
-    at, effects = len(held.shared), []
-    for effect in full.model.effects:
-        places = range(at, at + len(effect.unknowns))
-        at += len(effect.unknowns)
+    effects = []
+    for index, effect in enumerate(full.model.effects):
         if effect.outside:
             effects.append(effect)
-            free += places
+            free += range(len(full.z))[held.span(full.model, index)]
         else:
-            numbers = zip(effect.unknowns, places, strict=True)
-            values = {u.symbol: u.value(float(full.z[k])) for u, k in numbers}
-            effects.append(_with_values(effect, values))
+            effects.append(_with_values(effect, held.values(full.model, full.z, index)))
     shared = tuple(n for n in held.shared if n.field in PER_RECORD)
     last = Fit(Model(tuple(effects)), full.z[free], full.cost, full.mean_square, full.residuals)
     return Problem(stages, shared, held.counts), last
@@ -157,14 +152,13 @@ def _narrowed(problem: Problem, fit: Fit, known: Covariance) -> tuple[Candidate,
 
     Causes outside the table may differ from record to record and stay as free as they were.
     """
-    at, found = len(problem.shared), []
-    for effect in fit.model.effects:
-        size = len(effect.unknowns)
+    found = []
+    for index, effect in enumerate(fit.model.effects):
+        at = problem.span(fit.model, index).start
         numbers = tuple(
             _narrow(u, float(fit.z[at + k]), 1.0 if effect.outside else known.std(at + k))
             for k, u in enumerate(effect.unknowns)
         )
-        at += size
         found.append(replace(effect, unknowns=numbers))
     return tuple(found)
 

@@ -62,8 +62,7 @@ def effect_intervals(
     problem: Problem, fit: Fit, index: int, spread: Covariance
 ) -> dict[str, Interval]:
     """Return the numbers of one effect of a fit with their 95 % intervals."""
-    effects = fit.model.effects
-    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
+    effects, at = fit.model.effects, problem.span(fit.model, index).start
     slides = problem.stages.setting.joint.parameters.axis == "prismatic"
     out = {}
     for k, unknown in enumerate(effects[index].unknowns):

@@ -221,7 +221,7 @@ def other_frequencies(problem: Problem, fit: Fit) -> Fit:
         if effect.search not in ("cog", "rip"):
             continue
         less = without(problem, fit, index)
-        at = len(problem.shared) + sum(len(e.unknowns) for e in fit.model.effects[:index])
+        at = problem.span(fit.model, index).start
         size = float(np.hypot(*fit.z[at + 1 : at + 3]))
         residual = stages.first(less.residuals)["motor"]
         fields = problem.fields(less.model, less.z)
@@ -244,15 +244,13 @@ def _in_place(problem: Problem, fit: Fit, index: int, effect: Candidate) -> Fit:
 
     Without any friction, damping and datasheet values may move too far to come back.
     """
-    effects = fit.model.effects
-    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
-    old = effects[index].unknowns
-    known = {u.symbol: u.value(z) for u, z in zip(old, fit.z[at:], strict=False)}
+    effects, own = fit.model.effects, problem.span(fit.model, index)
+    known = problem.values(fit.model, fit.z, index)
     new = [
         u.coordinate(known.get(u.symbol, start))
         for u, start in zip(effect.unknowns, effect.starts[0], strict=True)
     ]
-    z = np.concatenate([fit.z[:at], new, fit.z[at + len(old) :]])
+    z = np.concatenate([fit.z[: own.start], new, fit.z[own.stop :]])
     return problem.fit(Model((*effects[:index], effect, *effects[index + 1 :])), z)
 
 
