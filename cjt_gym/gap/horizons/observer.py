@@ -124,7 +124,7 @@ def _gain(joint: Joint, batch: JointBatch, log: Log) -> Floats:
     torque = UNMODELLED * (torque or motor_inertia(joint) * float(np.std(log.acceleration)))
     noise = [_noise(log.angles[:, k]) for k in seen]
     gain = np.zeros((6, 3))
-    found, _ = kalman_gain(chain, [groups[k] for k in seen], (torque, 0.0, torque), noise)
+    found = kalman_gain(chain, [groups[k] for k in seen], (torque, 0.0, torque), noise)
     for body, group in enumerate(groups):
         if group >= 0:
             gain[body, seen], gain[body + 3, seen] = found[group], found[group + chain.size]

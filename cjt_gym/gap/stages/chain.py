@@ -117,8 +117,8 @@ def _discretise(
 
 def kalman_gain(
     chain: Chain, outputs: Sequence[int], torque_std: Sequence[float], noise: Sequence[float]
-) -> tuple[Floats, Floats]:
-    """Return the steady-state gain (n, m) and the standard deviation (m,) of the innovations.
+) -> Floats:
+    """Return the steady-state gain, shape (n, m).
 
     Args:
         chain: The piece of the joint.
@@ -137,4 +137,4 @@ def kalman_gain(
     scale = 1.0 / np.mean(np.square(noise))
     p = solve_discrete_are(chain.a.T, c.T, process * scale, r * scale) / scale
     s = c @ p @ c.T + r
-    return p @ c.T @ np.linalg.inv(s), np.sqrt(np.diag(s))
+    return np.asarray(p @ c.T @ np.linalg.inv(s))

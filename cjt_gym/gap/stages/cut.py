@@ -43,6 +43,7 @@ from cjt_gym.gap.recorded.signals import (
     within,
 )
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
+from cjt_gym.gap.stages.kernel import Measured
 from cjt_gym.gap.stages.predictor import (
     Gain,
     Play,
@@ -292,7 +293,7 @@ class Stages:
         )
         nothing = np.zeros(PULSE)
         by_torque, by_motor = (
-            run_predictor(f, chain, drive, (), None, None, np.zeros(2), nothing, dt)[1][:, 0]
+            run_predictor(f, chain, drive, (), None, np.zeros(2), nothing, dt)[1][:, 0]
             for drive in drives
         )
         own = s.std("tau") * float(np.linalg.norm(pulse - bar(by_torque)))
@@ -317,7 +318,7 @@ class Stages:
             play = backlash(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
         load, bodies = np.abs(transmitted), (("g", GEAR),)
         _, states, friction = run_predictor(
-            fields, chain, forced, bodies, None, None, x0, load, series.dt, play
+            fields, chain, forced, bodies, None, x0, load, series.dt, play
         )
         return states[:, 0], states, friction
 
@@ -387,12 +388,12 @@ class Stages:
         channel = "q_m" if name == "motor" else "q_l"
         jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
         noise = float(np.hypot(s.std(channel), jitter))
-        k, _ = kalman_gain(chain, (0,), torque, (noise,))
+        k = kalman_gain(chain, (0,), torque, (noise,))[:, 0]
         std = innovation_std(chain, k, torque, s.std(channel))
         shaken = s.noise[channel].jitter * s.series.speed(channel)
         # Wrong samples feed back through the gain: their effect on later ones counts as well.
-        returned = innovation_std(chain, k, (0.0, 0.0, 0.0), 1.0)[0] ** 2
-        variance = std[0] ** 2 + returned * shaken**2
+        returned = innovation_std(chain, k, (0.0, 0.0, 0.0), 1.0) ** 2
+        variance = std**2 + returned * shaken**2
         if name == "motor" and "i" in s.series:
             response = torque_response(chain, k, MOTOR)
             early = fields["n"] * fields["k_t"] * s.unseen("i")
@@ -418,15 +419,14 @@ class Stages:
         play: Play | None = None,
     ) -> Prediction:
         channel = "q_m" if name == "motor" else "q_l"
-        y = series[channel][:, None]
         x0 = self._initial(series, channel, chain, fields, transmitted)
         gain = self.gains[name]
-        valid = series.valid[channel]
+        seen = Measured(gain.k, series[channel], series.valid[channel])
         load, dt = np.abs(transmitted), series.dt
         e, states, friction = run_predictor(
-            fields, chain, forced, bodies, gain.k, (y, valid), x0, load, dt, play, rubbing
+            fields, chain, forced, bodies, seen, x0, load, dt, play, rubbing
         )
-        residual = np.where(valid, e[:, 0] / gain.scatter, 0.0)
+        residual = np.where(seen.valid, e / gain.scatter, 0.0)
         residual[: self.setting.settle] = 0.0
         return Prediction(residual, states, friction)
 

@@ -42,17 +42,15 @@ class Linear(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What was measured of its states.
+    """What was measured of its first state.
 
     Attributes:
-        gain: Predictor gain, shape (n, m).
-        outputs: Index of the state that each output measures, shape (m,).
-        y: Measured outputs, shape (N, m).
+        gain: Predictor gain, shape (n,).
+        y: Measured values, shape (N,).
         valid: Whether the sample was measured, shape (N,).
     """
 
     gain: Floats
-    outputs: NDArray[np.int64]
     y: Floats
     valid: NDArray[np.bool_]
 
@@ -308,15 +306,15 @@ def predict(
         gap: Its play.
 
     Returns:
-        Innovations, shape (N, m); predicted states, shape (N, n); friction torque on each body over
+        Innovations, shape (N,); predicted states, shape (N, n); friction torque on each body over
         each sample [N m], shape (N, bodies).
     """
     a, firm, forced, x0, h = system
-    k, outputs, y, valid = measured
+    k, y, valid = measured
     laws, bodies, load = rubbing
-    n, m, nb = a.shape[0], outputs.shape[0], bodies.shape[0]
+    n, nb = a.shape[0], bodies.shape[0]
     size = forced.shape[0]
-    e = np.zeros((size, m))
+    e = np.zeros(size)
     states = np.zeros((size, n))
     torque = np.zeros((size, nb))
     bristle = np.zeros(nb)
@@ -327,11 +325,9 @@ def predict(
     for t in range(size):
         states[t] = x
         if valid[t]:
-            for j in range(m):
-                e[t, j] = y[t, j] - x[outputs[j]]
-            for j in range(m):
-                for i in range(n):
-                    x[i] += k[i, j] * e[t, j]
+            e[t] = y[t] - x[0]
+            for i in range(n):
+                x[i] += k[i] * e[t]
         for i in range(n):
             value = forced[t, i]
             for j in range(n):

@@ -60,7 +60,7 @@ def periodic_starts(
     tau = joint_torque(fields, s.series) if "tau" in s.series else np.zeros(len(q))
     weight = tau if kind == "rip" else np.ones(len(q))
     gain = stages.gains["motor"]
-    response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std[0]
+    response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std
     left = _without_trends(residual, response, v, tau)
     frequencies, power = _spectrum(left, response, q, v * s.series.dt, weight)
     if frequencies.size == 0:
@@ -86,7 +86,7 @@ def ripple_amplitudes(stages: Stages, fields: Fields, residual: Floats) -> tuple
     q, v = s.series["q_m"], s.series.speed("q_m")
     tau = joint_torque(fields, s.series) if "tau" in s.series else np.zeros(len(q))
     gain = stages.gains["motor"]
-    response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std[0]
+    response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std
     left = _without_trends(residual, response, v, tau)
     f, power = _spectrum(left, response, q, v * s.series.dt, np.ones(len(q)))
     if f.size == 0:

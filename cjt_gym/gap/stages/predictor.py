@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.recorded.fields import LAW_SIZE, Fields, friction_law, has_friction
 from cjt_gym.gap.recorded.setting import Setting
@@ -23,13 +22,13 @@ class Gain:
     """A predictor's gain, held fixed while parameters are fitted.
 
     Attributes:
-        k: Gain, shape (n, m).
-        std: Deviation of the innovations, shape (m,).
+        k: Gain, shape (n,).
+        std: Deviation of the innovations.
         scatter: Deviation at every sample, including sampling jitter, shape (N,).
     """
 
     k: Floats
-    std: Floats
+    std: float
     scatter: Floats
 
 
@@ -84,23 +83,21 @@ def torque_response(chain: Chain, k: Floats, body: int) -> Floats:
     out = np.zeros(RESPONSE)
     for t in range(1, RESPONSE):
         out[t] = x[0]
-        x = chain.a @ (x - k[:, 0] * out[t])
+        x = chain.a @ (x - k * out[t])
     return out
 
 
-def innovation_std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> Floats:
-    """Return the innovations' deviation under a gain, shape (1,), without jitter."""
-    n = chain.a.shape[0]
-    c = np.zeros((1, n))
-    c[0, 0] = 1.0
-    keep = np.eye(n) - k @ c
-    effect = chain.torque * np.array(torque)
-    drive = effect @ effect.T + chain.a @ k @ k.T @ chain.a.T * noise**2
+def innovation_std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> float:
+    """Return the innovations' deviation under a gain, without jitter."""
+    keep = np.eye(len(k))
+    keep[:, 0] -= k
+    effect, fed = chain.torque * np.array(torque), chain.a @ k * noise
+    drive = effect @ effect.T + np.outer(fed, fed)
     loop, p = chain.a @ keep, drive
     for _ in range(DOUBLINGS):
         p = p + loop @ p @ loop.T
         loop = loop @ loop
-    return np.array([float(np.sqrt(p[0, 0] + noise**2))])
+    return float(np.sqrt(p[0, 0] + noise**2))
 
 
 def direct(error: Floats, std: Floats, s: Setting, channels: tuple[str, ...]) -> Prediction:
@@ -116,8 +113,7 @@ def run_predictor(
     chain: Chain,
     forced: Floats,
     bodies: tuple[tuple[str, int], ...],
-    k: Floats | None,
-    measured: tuple[Floats, NDArray[np.bool_]] | None,
+    seen: Measured | None,
     x0: Floats,
     load: Floats,
     dt: float,
@@ -131,8 +127,7 @@ def run_predictor(
         chain: The stage's piece of the joint.
         forced: Contribution of the known inputs over each sample, shape (N, n).
         bodies: Letter and number of the bodies that friction can act on.
-        k: Predictor gain, shape (n, 1), or None for a prediction without measurements.
-        measured: Measured output, shape (N, 1), and where it is valid, or None.
+        seen: What was measured; by default nothing.
         x0: First state, shape (n,).
         load: Size of the transmitted torque [N m], shape (N,).
         dt: Sample time [s].
@@ -156,13 +151,8 @@ def run_predictor(
     velocities = np.array([chain.velocity(body) for _, body in rough], dtype=np.int64)
     a, drive = np.ascontiguousarray(chain.a), np.ascontiguousarray(forced)
     system = Linear(a, g, drive, x0, dt)
-    if measured is None or k is None:
-        y, valid = np.zeros((len(forced), 0)), np.zeros(len(forced), dtype=bool)
-        seen = Measured(np.zeros((len(x0), 0)), np.zeros(0, dtype=np.int64), y, valid)
-    else:
-        y, valid = measured
-        outputs = np.zeros(1, dtype=np.int64)
-        seen = Measured(np.ascontiguousarray(k), outputs, np.ascontiguousarray(y), valid)
+    if seen is None:
+        seen = Measured(np.zeros(len(x0)), *np.zeros((1, len(forced))), np.zeros(len(forced), bool))
     gap = NO_PLAY
     if play is not None:
         slack = np.zeros_like(g)

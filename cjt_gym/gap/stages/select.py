@@ -208,7 +208,7 @@ class Selection:
         """Return the log evidence that the present predictors gain by expecting small errors."""
         gains = self.problem.stages.gains
         return sum(
-            -2.0 * self.problem.counts[name] / DEFLATION * float(np.log(gain.std[0]))
+            -2.0 * self.problem.counts[name] / DEFLATION * float(np.log(gain.std))
             for name, gain in gains.items()
         )
 
