@@ -210,7 +210,7 @@ def _report(
     def ask() -> Suggestion:
         if hidden:
             return Suggestion(BOTH_ENDS)
-        said = suggest(problem, found.base, found.fit, found.needs, found.seen, named, left)
+        said = suggest(found, named, left)
         return cautious(said, setting, held_out)
 
     fields = problem.fields(fit.model, fit.z)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from cjt_gym.gap.stages.fit import Fit, Problem
+from cjt_gym.gap.stages.explain import Explanation
+from cjt_gym.gap.stages.fit import Fit
 from cjt_gym.gap.stages.merit import evidence
 from cjt_gym.gap.stages.prune import SIMPLER
 
@@ -14,20 +13,18 @@ SHARE = 0.02
 """The same as a share of the evidence that the explanation gained."""
 
 
-def rival_fits(
-    problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]
-) -> dict[str, Fit]:
-    """Return fits that replace one effect of a fit by another, keyed by its name, best first.
+def rival_fits(found: Explanation, index: int) -> dict[str, Fit]:
+    """Return fits that replace one effect of an explanation by another, by its name, best first.
 
     A law that contains the effect as a special case and does no better is not a rival.
     """
-    effects = fit.model.effects
+    problem, effects = found.problem, found.fit.model.effects
     rest = {e.key for k, e in enumerate(effects) if k != index}
-    own = evidence(problem, fit)
-    limit = max(NEAR, SHARE * (own - evidence(problem, base)))
+    own = evidence(problem, found.fit)
+    limit = max(NEAR, SHARE * (own - evidence(problem, found.base)))
     richer = _richer(effects[index].name)
-    found: dict[str, Fit] = {}
-    for other in sorted(seen, key=lambda f: -evidence(problem, f)):
+    fits: dict[str, Fit] = {}
+    for other in sorted(found.seen, key=lambda f: -evidence(problem, f)):
         keys = {e.key for e in other.model.effects}
         extra = [e for e in other.model.effects if e.key not in rest]
         if len(extra) != 1 or effects[index].key in keys or len(rest - keys) > 1:
@@ -35,8 +32,8 @@ def rival_fits(
         name, behind = extra[0].name, own - evidence(problem, other)
         near = behind < limit and not extra[0].outside and not (name in richer and behind > 0.0)
         if near and name != effects[index].name:
-            found.setdefault(name, other)
-    return found
+            fits.setdefault(name, other)
+    return fits
 
 
 def _richer(name: str) -> set[str]:
@@ -44,18 +41,18 @@ def _richer(name: str) -> set[str]:
     return {law for law, simpler in SIMPLER.items() if name in simpler}
 
 
-def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> float:
-    """Return the evidence of the best fit without one of a model's effects.
+def best_rival(found: Explanation, index: int) -> float:
+    """Return the evidence of the best fit without one of the effects of an explanation.
 
     A law that contains the effect as a special case and does no better is not a rival.
     """
-    effect = fit.model.effects[index]
+    problem, effect = found.problem, found.fit.model.effects[index]
     split = problem.stages.setting.current_unspecified and effect.name == "torque_offset"
     richer = _richer(effect.name)
     richer |= {"coulomb_asym", "viscous_asym"} if split else set()
     others = [
         evidence(problem, f)
-        for f in seen
+        for f in found.seen
         if not any(
             (e.name == effect.name and e.body == effect.body) or e.name in richer
             for e in f.model.effects

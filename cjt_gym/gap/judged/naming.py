@@ -64,7 +64,7 @@ def name_effects(
         if state is None:
             continue
         numbers = effect_intervals(problem, fit, index, spread)
-        lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
+        lead = evidence(problem, fit) - best_rival(found, index)
         lead = min(lead, need.evidence)
         doubt = _doubt(found, index, numbers, held_out_shows=state == "confirmed")
         if not doubt and _harmful(found, need, unseen):
@@ -214,7 +214,7 @@ def _is_strained(found: Explanation) -> bool:
 
 def _confusable(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> tuple[str, ...]:
     """Return effects that could replace an effect in this explanation or with these channels."""
-    names = rival_fits(found.problem, found.base, found.fit, index, found.seen)
+    names = rival_fits(found, index)
     name = found.fit.model.effects[index].name
     warmth = ("thermal_derating",) if _warm(found, index, numbers) else ()
     same = same_here(found.problem.stages.setting, name)

@@ -11,10 +11,10 @@ from cjt_gym.gap.diagnosis import ENOUGH, NamedEffect, Suggestion
 from cjt_gym.gap.judged.confusable import rival_fits
 from cjt_gym.gap.next_record.design import TELLS, Cross, Prospect, prospects
 from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.explain import Explanation
 from cjt_gym.gap.stages.fit import Fit, Problem
 from cjt_gym.gap.stages.leftover import Leftover
 from cjt_gym.gap.stages.merit import evidence
-from cjt_gym.gap.stages.prune import Need
 from cjt_gym.records import Record, default_units
 
 MOST_RIVALS = 2
@@ -32,23 +32,19 @@ ELSEWHERE = (
 
 
 def suggest(
-    problem: Problem,
-    base: Fit,
-    fit: Fit,
-    needs: Sequence[Need],
-    seen: Sequence[Fit],
-    named: Sequence[NamedEffect],
-    left: Sequence[Leftover],
+    found: Explanation, named: Sequence[NamedEffect], left: Sequence[Leftover]
 ) -> Suggestion:
-    """Return the experiment that best settles what a diagnosis leaves open.
+    """Return the experiment that best settles what an explanation leaves open.
 
-    The arguments are those of an `Explanation`, with the effects that it names and the stages that
-    it leaves.
+    Args:
+        found: The explanation.
+        named: The effects that it names.
+        left: The stages that it leaves.
     """
-    question = _open_question(problem, base, fit, needs, seen, named)
+    problem, question = found.problem, _open_question(found, named)
     preface = ""
     if not question and left:
-        question = _nearest(problem, seen, left[0].stage)
+        question = _nearest(found, left[0].stage)
         preface = f"The {left[0].stage} stage has a gap that no effect of the table explains. "
     if len(question) < 2:
         return Suggestion(preface + ELSEWHERE if left else _other_means(named))
@@ -81,36 +77,29 @@ def cautious(suggestion: Suggestion, setting: Setting, held_out: bool) -> Sugges
     return Suggestion(f"{WEAK}{', '.join(asked)}.")
 
 
-def _nearest(problem: Problem, seen: Sequence[Fit], stage: str) -> Mapping[str, Fit]:
+def _nearest(found: Explanation, stage: str) -> Mapping[str, Fit]:
     """Return the two best explanations of a stage's gap, by name."""
-    found: dict[str, Fit] = {}
-    blamed = [fit for fit in seen if fit.model.effects]
-    for fit in sorted(blamed, key=lambda f: -evidence(problem, f)):
+    best: dict[str, Fit] = {}
+    blamed = [fit for fit in found.seen if fit.model.effects]
+    for fit in sorted(blamed, key=lambda f: -evidence(found.problem, f)):
         last = fit.model.effects[-1]
-        if stage in last.touches and len(found) < 2:
-            found.setdefault(last.outside or last.name, fit)
-    return found
+        if stage in last.touches and len(best) < 2:
+            best.setdefault(last.outside or last.name, fit)
+    return best
 
 
-def _open_question(
-    problem: Problem,
-    base: Fit,
-    fit: Fit,
-    needs: Sequence[Need],
-    seen: Sequence[Fit],
-    named: Sequence[NamedEffect],
-) -> Mapping[str, Fit]:
+def _open_question(found: Explanation, named: Sequence[NamedEffect]) -> Mapping[str, Fit]:
     """Return the explanations to tell apart, by name, for the least certain of the effects."""
     doubtful = [e for e in named if e.confusable_with or e.status == "tentative"]
     for effect in sorted(doubtful, key=lambda e: e.confidence):
-        for index, row in enumerate(fit.model.effects):
+        for index, row in enumerate(found.fit.model.effects):
             if (row.name, row.body, row.channel) != (effect.name, effect.body, effect.channel):
                 continue
-            others = list(rival_fits(problem, base, fit, index, seen).items())[:MOST_RIVALS]
+            others = list(rival_fits(found, index).items())[:MOST_RIVALS]
             if not others and effect.status == "tentative" and not _told_otherwise(effect):
-                others = [(NOTHING, needs[index].without)]
+                others = [(NOTHING, found.needs[index].without)]
             if others:
-                return {effect.name: fit, **dict(others)}
+                return {effect.name: found.fit, **dict(others)}
     return {}
 
 
