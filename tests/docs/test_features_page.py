@@ -20,7 +20,9 @@ TABLE = """structures = ["rigid", "output_fixed"]
 plain = { file = "orange_80_6000" }
 """
 PARAMETERS = "params.('k_b') = 21000;\nparams.('n') = 100; % ratio\n"
-ROW = re.compile(r"^\| (?P<what>.+?) \| (?:-|`(?P<command>.+?)`) \| (?P<note>.*?) ?\|$", re.MULTILINE)
+ROW = re.compile(
+    r"^\| (?P<what>.+?) \| (?:-|`(?P<command>.+?)`) \| (?P<note>.*?) ?\|$", re.MULTILINE
+)
 SLOW = (
     "symbolic models",
     "spectra",

@@ -388,7 +388,7 @@ class Stages:
         channel = "q_m" if name == "motor" else "q_l"
         jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
         noise = float(np.hypot(s.std(channel), jitter))
-        k = kalman_gain(chain, (0,), torque, (noise,))[:, 0]
+        k = kalman_gain(chain, (0,), torque, (noise,)).ravel()
         std = innovation_std(chain, k, torque, s.std(channel))
         shaken = s.noise[channel].jitter * s.series.speed(channel)
         # Wrong samples feed back through the gain: their effect on later ones counts as well.
@@ -421,7 +421,8 @@ class Stages:
         channel = "q_m" if name == "motor" else "q_l"
         x0 = self._initial(series, channel, chain, fields, transmitted)
         gain = self.gains[name]
-        seen = Measured(gain.k, series[channel], series.valid[channel])
+        y = np.ascontiguousarray(series[channel])
+        seen = Measured(gain.k, y, series.valid[channel])
         load, dt = np.abs(transmitted), series.dt
         e, states, friction = run_predictor(
             fields, chain, forced, bodies, seen, x0, load, dt, play, rubbing

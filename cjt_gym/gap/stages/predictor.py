@@ -152,7 +152,8 @@ def run_predictor(
     a, drive = np.ascontiguousarray(chain.a), np.ascontiguousarray(forced)
     system = Linear(a, g, drive, x0, dt)
     if seen is None:
-        seen = Measured(np.zeros(len(x0)), *np.zeros((1, len(forced))), np.zeros(len(forced), bool))
+        rows = len(forced)
+        seen = Measured(np.zeros(len(x0)), np.zeros(rows), np.zeros(rows, dtype=bool))
     gap = NO_PLAY
     if play is not None:
         slack = np.zeros_like(g)
