@@ -19,6 +19,7 @@ from cjt_gym.gap.horizons.answer import allowed_by, judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.joint_file import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
+from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.series import Stretch, stretches
 from cjt_gym.gap.recorded.usable import check_one_joint, copies, measured_only
@@ -27,7 +28,6 @@ from cjt_gym.gap.stages.smoothing import with_smoothing
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
 from cjt_gym.joint.configure import resolve_effects
-from cjt_gym.joint.linear import check_inertias
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 from cjt_gym.records.doubts import SLOW_LOG
@@ -211,5 +211,5 @@ def _joint(
             f"{record.owner} names no structure. Give one, such as structure='output_fixed'."
         )
     shape = get_structure(name)
-    check_inertias(file.parameters, shape)
+    check_bodies(file.parameters, shape)
     return file, shape

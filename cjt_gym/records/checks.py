@@ -116,7 +116,10 @@ def sample_time(owner: str, columns: Mapping[str, FloatArray], dt: float | None)
         raise RecordError(f"dt of {owner} must be > 0 s, got {dt}.")
     if "t" not in columns or len(columns["t"]) < 2:
         if dt is None:
-            raise RecordError(f"{owner} must have a column t or a sample time. Add  dt = ...  [s].")
+            raise RecordError(
+                f"{owner} must have a column t or a sample time: dt = ... [s] at the top of the "
+                "TOML file beside it."
+            )
         return float(dt)
     steps = np.diff(columns["t"])
     if (steps <= 0).any():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -85,11 +85,20 @@ def open_log(
         return Log(path, chosen, base, facts, _other_gear(chosen, n))
     if describes_record(path.with_suffix(".toml")):
         facts = read_metadata(path.with_suffix(".toml"))
-        absent = [name for name in facts["units"] if name not in beginning]
-        facts["units"] = {n: u for n, u in facts["units"].items() if n in beginning}
-        text = f"Columns named in {path.stem}.toml but not there: {', '.join(absent)}."
-        notes = (Repair("missing", None, len(absent), False, text),) if absent else ()
-        return Log(path, None, None, facts, notes)
+        given, there = facts["units"], _of_a_record(beginning)
+        absent = [name for name in given if name not in beginning]
+        unitless = [name for name in there if name not in given]
+        facts["units"] = {n: u for n, u in given.items() if n in beginning}
+        facts["units"] = default_units(unitless) | facts["units"]
+        notes = [
+            Repair(kind, None, len(names), False, f"{text}: {', '.join(names)}.")
+            for kind, names, text in (
+                ("missing", absent, f"Columns named in {path.stem}.toml but not there"),
+                ("unit", unitless, f"Columns taken as SI units, for which {path.stem}.toml has none"),
+            )
+            if names
+        ]
+        return Log(path, None, None, facts, tuple(notes))
     return _unexplained(path, list(beginning))
 
 
@@ -169,9 +178,14 @@ def _other_gear(mapping: ColumnMapping, n: float | None) -> tuple[Repair, ...]:
     return (Repair("unit", None, 1, False, text),)
 
 
+def _of_a_record(names: Iterable[str]) -> tuple[str, ...]:
+    """Return which columns of a table have the name of a record's column."""
+    return tuple(name for name in names if name.removeprefix(TRUE_PREFIX) in COLUMNS)
+
+
 def _unexplained(path: Path, names: list[str]) -> Log:
     """Return a log of which nothing but the names of its columns is known."""
-    known = tuple(name for name in names if name.removeprefix(TRUE_PREFIX) in COLUMNS)
+    known = _of_a_record(names)
     if set(known) <= {"t"}:
         listing = ", ".join(names[:40]) + (", ..." if len(names) > 40 else "")
         raise RecordError(

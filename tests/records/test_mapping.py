@@ -266,3 +266,16 @@ def test_files_of_mappings_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text("columns = ")
     with pytest.raises(RecordError, match="bad.toml must be a TOML file"):
         load_mapping(tmp_path / "bad.toml")
+
+
+@pytest.mark.parametrize("beside", ["dt = 0.001\n", '[units]\nq_m = "rad"\n', '[units]\nv = "V"\n'])
+def test_a_column_for_which_the_file_beside_it_has_no_unit_is_taken_as_si(
+    tmp_path: Path, beside: str
+) -> None:
+    rows = [f"{0.001 * k},{0.1 * k},{0.01 * k}" for k in range(200)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,i,q_m", *rows]))
+    (tmp_path / "log.toml").write_text(beside)
+    (record,), notes = read_log(tmp_path / "log.csv")
+    assert dict(record.units) == {"t": "s", "i": "A", "q_m": "rad"}
+    said = "Columns taken as SI units, for which log.toml has none: t, i"
+    assert any(note.text.startswith(said) for note in notes)

@@ -13,9 +13,9 @@ from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.faults import faults, notes
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.usable import copies, measured_only
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.linear import check_inertias
 from cjt_gym.records import Record
 
 SHORTEST = 100
@@ -78,7 +78,7 @@ def examine(
     copied = {name: command for one in records for name, command in copies(one).items()}
     view = View.of(measured_only(records), joint, structure)
     if joint is not None:
-        check_inertias(joint.parameters, view.structure)
+        check_bodies(joint.parameters, view.structure)
     with threadpool_limits(1, "blas"):  # threads slow down products of narrow matrices
         verdicts = {name: row(view) for name, row in ROWS.items()}
         wrong, remedies = faults(view)

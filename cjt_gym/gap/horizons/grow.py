@@ -88,8 +88,6 @@ def allowed(fit: Fit, term: Term) -> bool:
         return False
     if term.name in BRISTLES and names & (BRISTLES - {term.name}):
         return False
-    if term.name == "viscous_asym" and "torque_offset" in names:
-        return False
     return not term.needs or bool((names | fit.model.joint.effects.keys()) & set(term.needs))
 
 

@@ -12,7 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint import JointFile, Structure
+from cjt_gym.errors import ParameterError
+from cjt_gym.joint import JointFile, JointParameters, Structure
+from cjt_gym.joint.linear import check_inertias
 
 Fields = dict[str, float]
 
@@ -68,6 +70,20 @@ def nominal_fields(joint: JointFile, structure: Structure) -> Fields:
         fields[name] = getattr(p, name)  # raises a clear error if it is absent
     fields["i_max"] = p.get("i_p", np.inf)
     return fields
+
+
+def check_bodies(p: JointParameters, structure: Structure) -> None:
+    """Refuse a joint of which a body that moves, or the motor, has no inertia.
+
+    Raises:
+        ParameterError: An inertia is absent or zero.
+    """
+    check_inertias(p, structure)
+    if p.I_m <= 0.0:
+        raise ParameterError(
+            f"I_m of {p.origin} must be > 0 {p.unit('I_m')}, got {p.I_m:g}. If another inertia "
+            "contains the rotor's, give a part of it as I_m."
+        )
 
 
 def own_field(name: str, number: int) -> str:

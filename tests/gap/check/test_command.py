@@ -63,6 +63,8 @@ def test_a_joint_without_inertia_is_refused(
     for more, said in (
         ({}, r"I_m of .* is needed and absent; add I_m = "),
         ({"I_m": 0.0}, r"I_m \+ I_g \+ I_l of .* must be > 0 kg m\^2 for structure rigid"),
+        ({"I_g": 0.1}, r"I_m of .* is needed and absent; add I_m = "),
+        ({"I_m": 0.0, "I_g": 0.1}, r"I_m of .* must be > 0 kg m\^2, got 0"),
     ):
         bare = JointFile(JointParameters.from_values("mass", values | more), structure="rigid")
         one_way.with_name("nominal.toml").write_text(to_toml(bare), encoding="utf-8")

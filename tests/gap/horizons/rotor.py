@@ -34,6 +34,7 @@ def record(
     gap: tuple[float, float] | None = None,
     *,
     pushed: bool = False,
+    back: tuple[float, float] | None = None,
 ) -> Record:
     """Return a record of the mass under slow and fast torques.
 
@@ -44,6 +45,7 @@ def record(
         seed: Of torque and noise.
         gap: First and last instant of a stretch that is lost [s].
         pushed: Whether the torque is not the motor's but comes from outside, and is measured.
+        back: Damping [N m s/rad] and Coulomb friction [N m] backward, where they differ.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds / DT)) * DT
@@ -55,8 +57,9 @@ def record(
     for k, torque in enumerate(u):
         angle[k] = q
         for _ in range(FINE):
-            free = v + h * (torque - DAMPING * v) / INERTIA
-            stop = h * dry / INERTIA
+            damping, level = back if back is not None and v < 0.0 else (DAMPING, dry)
+            free = v + h * (torque - damping * v) / INERTIA
+            stop = h * level / INERTIA
             v = free - min(max(free, -stop), stop)
             q += h * v
     step = 2.0 * np.pi / 65536

@@ -92,6 +92,26 @@ def test_what_was_found_beats_datasheet_and_least_squares(plain: tuple[Case, Fou
     assert mine["q_m", 0.5] < 0.1
 
 
+def test_friction_that_differs_backward_in_level_and_slope_is_found() -> None:
+    steep, low = 0.15, 0.04
+    case = late(make_case([record(back=(steep, low))], [], datasheet(), RIGID), 0.5)
+    found = found_in(case)
+    numbers, joint = values_of(found), found.fit.model.at(found.fit.z)
+    assert numbers["viscous_asym"] == pytest.approx(steep - DAMPING, rel=0.1)
+    offset = numbers.get("torque_offset", 0.0)
+    asymmetric = joint.effects.get("coulomb_asym")
+    ways = (asymmetric["d_cm"], asymmetric["d_cm_n"]) if asymmetric else 2 * (numbers["coulomb"],)
+    assert [ways[0] - offset, ways[1] + offset] == pytest.approx([DRY, low], rel=0.1)
+
+
+def test_an_offset_that_was_added_first_does_not_keep_out_damping_that_differs_backward() -> None:
+    case = case_of()
+    terms = {t.name: t for t in candidates(case.joint, scales_of(case.joint, case.logs), case.logs)}
+    scales = scales_of(case.joint, case.logs)
+    model = Model(case.joint, (*base_terms(case.joint, scales), terms["torque_offset"]))
+    assert allowed(Problem(case.fit).at(model, np.zeros(len(model.numbers))), terms["viscous_asym"])
+
+
 def test_least_squares_learns_from_records_of_either_direction_together() -> None:
     made = record(seconds=8.0)
     forward = np.gradient(made["q_m"], DT) > 0.0
