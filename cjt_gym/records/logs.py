@@ -90,11 +90,12 @@ def open_log(
         unitless = [name for name in there if name not in given]
         facts["units"] = {n: u for n, u in given.items() if n in beginning}
         facts["units"] = default_units(unitless) | facts["units"]
+        own = f"{path.stem}.toml"
         notes = [
             Repair(kind, None, len(names), False, f"{text}: {', '.join(names)}.")
             for kind, names, text in (
-                ("missing", absent, f"Columns named in {path.stem}.toml but not there"),
-                ("unit", unitless, f"Columns taken as SI units, for which {path.stem}.toml has none"),
+                ("missing", absent, f"Columns named in {own} but not there"),
+                ("unit", unitless, f"Columns taken as SI units, for which {own} has none"),
             )
             if names
         ]
