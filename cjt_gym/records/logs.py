@@ -89,7 +89,7 @@ def open_log(
         absent = [name for name in given if name not in beginning]
         unitless = [name for name in there if name not in given]
         facts["units"] = {n: u for n, u in given.items() if n in beginning}
-        facts["units"] = default_units(unitless) | facts["units"]
+        facts["units"] = default_units(tuple(unitless)) | facts["units"]
         own = f"{path.stem}.toml"
         notes = [
             Repair(kind, None, len(names), False, f"{text}: {', '.join(names)}.")
