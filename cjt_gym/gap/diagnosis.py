@@ -222,6 +222,11 @@ class Diagnosis:
     horizons: tuple[Horizon, ...] = ()
     examination: Examination | None = None
 
+    def without_gap(self) -> Diagnosis:
+        """Return this diagnosis with the verdict that there is no gap, in no stage."""
+        stages = {name: replace(one, significant=False) for name, one in self.stages.items()}
+        return replace(self, verdict="no_gap", effects=(), stages=stages)
+
     def to_dict(self) -> dict[str, object]:
         """Return the content of diagnosis.json: plain types, finite numbers."""
         plain = {

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.candidates.separated import advice
 from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
@@ -73,8 +75,6 @@ MOSTLY = 0.5
 """Predictable share of the squared error above which the stages' effects explain too little."""
 SILENT = 2.0
 """Residual of the drive, in units of noise, up to which its effects explain it."""
-QUIET = 1.1
-"""The same up to which it has none."""
 ROUNDED = "quantization"
 """Effect that no other can cause: values that lie on a lattice."""
 VAGUELY = 0.1
@@ -89,6 +89,9 @@ DRAGS = ("damping", "viscous_asym")
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
 asymmetric: of equal friction in both, errors of the model have made 2 %."""
+AT_FLOOR = 1.1
+"""Ratio of the datasheet's errors to their floors, which are estimates themselves, up to which
+there is no gap."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -111,7 +114,19 @@ def judged(
         shape: Structure of the joint.
         progress: Called with a description of the current step.
     """
-    first = _without_open(first, file)
+    told = _judged(_without_open(first, file), records, held, file, shape, progress)
+    measured = any("i" in one for one in records)
+    return _at_the_floor(told, replace(file, structure=shape.name), measured=measured)
+
+
+def _judged(
+    first: Diagnosis,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    file: JointFile,
+    shape: Structure,
+    progress: Progress,
+) -> Diagnosis:
     if file.parameters.get("d_gl", 0.0) <= 0.0:
         effects = (
             e.doubted(UNDAMPED) if e.name == "spring_hysteresis" else e for e in first.effects
@@ -151,6 +166,25 @@ def judged(
     return told
 
 
+def _at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagnosis:
+    """Return a diagnosis without a gap if the datasheet predicts as well as anything could.
+
+    An effect then needs more than what it does one sample ahead. Those of sensors, and of a drive
+    whose current was measured, do not change what is predicted.
+    """
+    gap, ahead = told.gap, [row for row in told.horizons if row.seconds > min(HORIZONS)]
+    errors = [(row.datasheet, row.floor or 0.0, row.found) for row in ahead]
+    errors.append((gap.before, gap.floor, gap.after))
+    better = any(after < BETTER * before for before, _, after in errors)
+    aside = [e for e in told.effects if e.name in MEASURES or (measured and e.stage == "drive")]
+    sure = bool(aside) or (better and any(e.status == "confirmed" for e in told.effects))
+    if sure or not ahead or any(error > AT_FLOOR * floor for error, floor, _ in errors):
+        return told
+    left = Unexplained(0.0, None, NOTHING_LEFT, 0.0, told.unexplained.missing)
+    told = replace(told.without_gap(), unexplained=left, joint=file)
+    return replace(told, suggestion=Suggestion(ENOUGH))
+
+
 def _with_drag(told: Diagnosis, found: Judgement) -> Diagnosis:
     """Return a diagnosis that confirms no damping where the drag has another law."""
     law = drag_law(found.case.joint, found.case.logs)
@@ -166,7 +200,8 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
 
     These are faults of sensors, and those of a drive whose current was measured.
     """
-    if measured and 0.0 < first.stages["drive"].before < QUIET:
+    drive = first.stages["drive"]
+    if measured and drive.before > 0.0 and not drive.significant:
         told = _without_late_drive(told)
     driven = measured and first.stages["drive"].after < SILENT
     own = {e.name for e in first.effects if driven and e.stage == "drive"}
@@ -200,10 +235,15 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
 def _without_late_drive(told: Diagnosis) -> Diagnosis:
     """Return a diagnosis without delay and lag of a drive that does what its datasheet says."""
     effects = tuple(e for e in told.effects if e.name not in LATE)
-    verdict = told.verdict
-    if told.effects and not effects:
-        verdict = "unexplained" if told.gap.before > TRIVIAL else "no_gap"
-    return replace(told, effects=effects, verdict=verdict)
+    if effects == told.effects:
+        return told
+    asked = told.suggestion.text
+    for pair in permutations(LATE):
+        asked = asked.replace(advice(*pair), "").strip()
+    told = replace(told, effects=effects, suggestion=Suggestion(asked or ENOUGH))
+    if effects:
+        return told
+    return replace(told, verdict="unexplained") if told.gap.before > TRIVIAL else told.without_gap()
 
 
 def _follows_a_sure_drive(effect: NamedEffect) -> bool:
@@ -239,9 +279,7 @@ def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
     open_ = found.cut or found.unexplained or any(row.left is None for row in found.rows[-1:])
     if first.verdict != "unexplained" or first.effects or open_:
         return first
-    told = Unexplained(0.0, None, NOTHING_LEFT, 0.0)
-    stages = {name: replace(gap, significant=False) for name, gap in first.stages.items()}
-    return replace(first, verdict="no_gap", unexplained=told, stages=stages)
+    return replace(first.without_gap(), unexplained=Unexplained(0.0, None, NOTHING_LEFT, 0.0))
 
 
 def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
@@ -339,10 +377,7 @@ def _without_open(first: Diagnosis, file: JointFile) -> Diagnosis:
     if effects or first.unexplained.share:
         verdict = first.verdict if effects else "unexplained"
         return replace(first, verdict=verdict, effects=effects)
-    stages = {name: replace(one, significant=False) for name, one in first.stages.items()}
-    return replace(
-        first, verdict="no_gap", effects=(), stages=stages, suggestion=Suggestion(ENOUGH)
-    )
+    return replace(first.without_gap(), suggestion=Suggestion(ENOUGH))
 
 
 def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:

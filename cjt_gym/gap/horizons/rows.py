@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.candidates.number import Number
-from cjt_gym.gap.horizons.forward import SUBSTEP
+from cjt_gym.gap.horizons.forward import delaying_substep
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, motor_inertia
 from cjt_gym.gap.horizons.spent import Spent
@@ -256,8 +256,8 @@ def _derating(joint: Joint, logs: Sequence[Log]) -> list[Term]:
 
 def _late(dt: float, longest: float) -> Number:
     """Return a delay whose finite-difference step is a whole substep of the kernel."""
-    substep = dt / math.ceil(dt / SUBSTEP - 1e-9)
-    return Free("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest, step=substep / (0.5 * dt))
+    step = delaying_substep(dt) / (0.5 * dt)
+    return Free("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest, step=step)
 
 
 def cogging(one: Spent) -> Term:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,8 +11,10 @@ from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, 
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
+from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.named import effects_of
 from cjt_gym.gap.horizons.pictured import pictured
+from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.verdict import (
     corrected,
@@ -25,6 +28,7 @@ from cjt_gym.gap.horizons.verdict import (
 )
 from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.write import joint_of
+from cjt_gym.gap.recorded.tolerances import OUTSIDE
 
 BLIND = 0.99
 """Relative error from which a joint predicts no better than motion at constant speed."""
@@ -116,19 +120,28 @@ def retold(
 def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
     """Return effects that the torque shows and that a predictive fit does not contradict.
 
-    A fit with the effect must agree on its size; one without it must leave something unexplained.
+    A fit with the effect must agree on its size, and not predict well with what the datasheet
+    states; one without it must leave something unexplained.
     """
     if judged.found is None:
         return {}
     fit = judged.found.base if judged.answer == "base" else judged.found.fit
     open_ = main_row(judged).found > NEAR
-    values = fit.model.values(fit.z)
-    fitted = {t.name: v for t, v in zip(fit.model.terms, values, strict=True)}
+    terms = dict(zip(fit.model.terms, fit.model.values(fit.z), strict=True))
+    fitted = {term.name: values for term, values in terms.items()}
+    stated = set() if open_ else {t.name for t, v in terms.items() if _is_as_stated(judged, t, v)}
     return {
         name: one
         for name, one in seen.items()
-        if (agrees(one, fitted[name]) if name in fitted else open_)
+        if (agrees(one, fitted[name]) and name not in stated if name in fitted else open_)
     }
+
+
+def _is_as_stated(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
+    """Return whether a fitted value keeps the tolerance that the datasheet states."""
+    known = stated_tolerance(judged.case.joint, term)
+    ratio = values[0] / term.nominal[0] if known is not None and term.nominal[0] else 0.0
+    return known is not None and ratio > 0.0 and abs(math.log(ratio)) <= OUTSIDE * known
 
 
 def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagnosis) -> Suggestion:

@@ -101,17 +101,28 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> F
 
 
 def enrich(problem: Problem, fit: Fit, seen: Sequence[Fit]) -> Fit:
-    """Return the model with a richer law of friction if that lowers a residual far below the noise.
+    """Return the model with another law if that lowers a residual far below the noise.
 
-    Noise that was stated too large hides this from the evidence, which has the stated noise as its
-    floor.
+    This is a richer law of friction or another one of the drive. Noise that was stated, or allowed
+    for, too large hides this from the evidence, which has it as its floor.
     """
     for index in range(len(fit.model.effects)):
-        for _, other in richer(fit, seen, index):
+        for other in (*(one for _, one in richer(fit, seen, index)), *_driven(fit, seen, index)):
             trial = problem.fit(other.model, other.z)
             if lowers(trial, fit) > DEEP:
                 return trial
     return fit
+
+
+def _driven(fit: Fit, seen: Sequence[Fit], index: int) -> Iterator[Fit]:
+    """Yield the fits with another law of the drive in the place of one, best first."""
+    effect = fit.model.effects[index]
+    rest = {e.key for e in fit.model.effects} - {effect.key}
+    for other in sorted(seen, key=lambda one: one.cost):
+        new = [e for e in other.model.effects if e.key not in rest]
+        alike = len(new) == 1 and len(other.model.effects) == len(fit.model.effects)
+        if alike and effect.family == new[0].family == "drive" and effect.name != new[0].name:
+            yield other
 
 
 def richer(fit: Fit, seen: Sequence[Fit], index: int) -> Iterator[tuple[str, Fit]]:

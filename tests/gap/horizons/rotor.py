@@ -35,6 +35,7 @@ def record(
     *,
     pushed: bool = False,
     back: tuple[float, float] | None = None,
+    late: float = 0.0,
 ) -> Record:
     """Return a record of the mass under slow and fast torques.
 
@@ -45,6 +46,7 @@ def record(
         seed: Of torque and noise.
         gap: First and last instant of a stretch that is lost [s].
         pushed: Whether the torque is not the motor's but comes from outside, and is measured.
+        late: Time by which the torque acts late, in whole fine steps [s].
         back: Damping [N m s/rad] and Coulomb friction [N m] backward, where they differ.
     """
     rng = np.random.default_rng(seed)
@@ -54,9 +56,10 @@ def record(
     q = v = 0.0
     angle = np.zeros(len(t))
     h = DT / FINE
-    for k, torque in enumerate(u):
+    acts = np.concatenate([np.zeros(round(late / h)), np.repeat(u, FINE)])
+    for k in range(len(u)):
         angle[k] = q
-        for _ in range(FINE):
+        for torque in acts[k * FINE : (k + 1) * FINE]:
             damping, level = back if back is not None and v < 0.0 else (DAMPING, dry)
             free = v + h * (torque - damping * v) / INERTIA
             stop = h * level / INERTIA

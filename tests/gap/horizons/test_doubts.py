@@ -180,9 +180,9 @@ def test_a_drive_that_its_stage_finds_quiet_is_not_late(told: Diagnosis) -> None
         "command_delay", "drive", None, None, number, "tentative", 0.5, 0.1, (), 1.0
     )  # fmt: skip
     named = replace(told, effects=(*told.effects, late))
-    for before, kept in ((0.3, told.effects), (1.5, named.effects)):
+    for before, off, kept in ((0.3, False, told.effects), (1.5, True, named.effects)):
         first = replace(
-            told, effects=(), stages={**told.stages, "drive": StageGap(before, before, False)}
+            told, effects=(), stages={**told.stages, "drive": StageGap(before, before, off)}
         )
         assert _with_elsewhere(named, first, measured=True).effects == kept
     alone = replace(told, effects=(late,), verdict="explained")

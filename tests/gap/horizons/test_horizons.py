@@ -18,7 +18,7 @@ from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added, allowed, is_needed
 from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
-from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.model import Draft, Model, drafted
 from cjt_gym.gap.horizons.named import _levelled
 from cjt_gym.gap.horizons.predictable import Predictable, predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
@@ -110,6 +110,21 @@ def test_an_offset_that_was_added_first_does_not_keep_out_damping_that_differs_b
     scales = scales_of(case.joint, case.logs)
     model = Model(case.joint, (*base_terms(case.joint, scales), terms["torque_offset"]))
     assert allowed(Problem(case.fit).at(model, np.zeros(len(model.numbers))), terms["viscous_asym"])
+
+
+def test_a_delay_of_two_and_a_half_rows_is_predicted_as_such() -> None:
+    case = late(make_case([record(late=2.5 * DT)], [], datasheet(), RIGID), 0.5)
+
+    def error(delay: float) -> float:
+        draft = Draft(case.joint.file, {})
+        draft.row("inertia").update(I_m=INERTIA, I_g=0.0)
+        draft.row("damping").update(d_m=DAMPING, d_g=0.0, d_l=0.0)
+        draft.row("coulomb")["d_cm"] = DRY
+        draft.row("command_delay")["delay"] = delay
+        draft.smooth(0.0)
+        return relative(case.test, case.test.errors(drafted(case.joint, draft)))["q_m", 0.5]
+
+    assert error(2.5 * DT) < 0.5 * min(error(2.0 * DT), error(3.0 * DT))
 
 
 def test_least_squares_learns_from_records_of_either_direction_together() -> None:
