@@ -22,7 +22,7 @@ from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.series import Stretch, stretches
-from cjt_gym.gap.recorded.usable import check_one_joint, copies, measured_only
+from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.gap.stages.select import Progress, silent
 from cjt_gym.gap.stages.smoothing import with_smoothing
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
@@ -76,7 +76,7 @@ def diagnose(
     exam = examine(given, file, shape)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
         raise _nothing_moves(first)
-    repeated = {name: command for one in given for name, command in copies(one).items()}
+    absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
     given, held = in_step(measured_only(given), measured_only(held), file, shape)
     whole = stretches(given)
     file = with_smoothing(file, shape, whole)
@@ -96,7 +96,7 @@ def diagnose(
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return remarked(found, given, whole, shape, repeated)
+    return remarked(found, given, whole, shape, absent)
 
 
 def _nothing_moves(record: Record) -> RecordError:
@@ -153,13 +153,10 @@ def remarked(
     given: Sequence[Record],
     used: Sequence[Stretch],
     shape: Structure,
-    repeated: Mapping[str, str],
+    absent: Mapping[str, str],
 ) -> Diagnosis:
     """Return a diagnosis that begins with what its reader has to know of the log."""
-    remarks = [
-        f"{name} repeats {command} in every row, and was not used."
-        for name, command in repeated.items()
-    ]
+    remarks = [f"{name} {said}, and was not used." for name, said in absent.items()]
     if found.examination is not None and {FACTOR, SLOPES, UNITS} & {*found.examination.advice}:
         remarks.append(
             "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "

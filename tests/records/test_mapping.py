@@ -279,3 +279,11 @@ def test_a_column_for_which_the_file_beside_it_has_no_unit_is_taken_as_si(
     assert dict(record.units) == {"t": "s", "i": "A", "q_m": "rad"}
     said = "Columns taken as SI units, for which log.toml has none: t, i"
     assert any(note.text.startswith(said) for note in notes)
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+01:00"])
+def test_dates_as_text_are_seconds(tmp_path: Path, zone: str) -> None:
+    rows = [f"2026-11-01T10:00:{k // 100:02}.{k % 100:02}0{zone},{0.01 * k}" for k in range(300)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,q_m", *rows]))
+    (record,), _ = read_log(tmp_path / "log.csv")
+    assert record.t - record.t[0] == pytest.approx(0.01 * np.arange(300), abs=1e-6)

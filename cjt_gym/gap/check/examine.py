@@ -14,7 +14,7 @@ from cjt_gym.gap.check.faults import faults, notes
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.recorded.fields import check_bodies
-from cjt_gym.gap.recorded.usable import copies, measured_only
+from cjt_gym.gap.recorded.usable import measured_only, unmeasured
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -75,7 +75,7 @@ def examine(
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     _check(records)
-    copied = {name: command for one in records for name, command in copies(one).items()}
+    absent = {name: row for one in records for name, row in unmeasured(one).items()}
     view = View.of(measured_only(records), joint, structure)
     if joint is not None:
         check_bodies(joint.parameters, view.structure)
@@ -83,9 +83,9 @@ def examine(
         verdicts = {name: row(view) for name, row in ROWS.items()}
         wrong, remedies = faults(view)
         known = notes(view)
-    repeats = [
-        f"{name} repeats {command} in every row: it was not measured, and {command} counts alone."
-        for name, command in copied.items()
+    replaced = [
+        f"{name} {said}: it was not measured, and {command} counts alone."
+        for name, (command, said) in absent.items()
     ]
     seen = {name: verdict for name, verdict in verdicts.items() if isinstance(verdict, Seen)}
     unseen = tuple(
@@ -96,7 +96,7 @@ def examine(
     return Examination(
         can_tell=tuple(seen),
         cannot_tell=unseen,
-        faults=(*repeats, *wrong),
+        faults=(*replaced, *wrong),
         smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
         advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
         channels=view.channels,

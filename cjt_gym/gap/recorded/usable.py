@@ -17,27 +17,36 @@ SAME = 1e-3
 """Largest difference between the two, relative to the command's range: other units round."""
 
 
-def copies(record: Record) -> dict[str, str]:
-    """Return the columns that repeat a command in every row, each with that command."""
-    return {
-        name: command
-        for name, command in COPIES
-        if name in record and command in record and _repeats(record[name], record[command])
-    }
+def unmeasured(record: Record) -> dict[str, tuple[str, str]]:
+    """Return the columns that stand for no measurement, each with its command and what it does.
+
+    Some logs repeat the command in their place, or hold a value that never changes.
+    """
+    found = {}
+    for name, command in COPIES:
+        if name in record and command in record:
+            said = _in_place_of(record[name], record[command])
+            found |= {name: (command, said.format(command))} if said else {}
+    return found
 
 
-def _repeats(x: FloatArray, command: FloatArray) -> bool:
+def _in_place_of(x: FloatArray, command: FloatArray) -> str:
+    """Return what a column does in place of a measurement, or "" if it may be one."""
     known = np.isfinite(command)
     span = np.ptp(command[known]) if known.any() else 0.0
-    return bool(span > 0.0 and np.abs(x - command)[known].max() < SAME * span)
+    if span <= 0.0:
+        return ""
+    if np.abs(x - command)[known].max() < SAME * span:
+        return "repeats {} in every row"
+    return "never changes while {} does" if np.nanmax(x) == np.nanmin(x) else ""
 
 
 def measured_only(records: Sequence[Record]) -> list[Record]:
-    """Return records without columns that repeat a command in every row."""
+    """Return records without columns that stand for no measurement."""
     found = []
     for record in records:
-        if copied := copies(record):
-            columns = {name: record[name] for name in record.columns if name not in copied}
+        if others := unmeasured(record):
+            columns = {name: record[name] for name in record.columns if name not in others}
             units = {name: unit for name, unit in record.units.items() if name in columns}
             sensors = {name: known for name, known in record.sensors.items() if name in columns}
             record = replace(record, columns=columns, units=units, sensors=sensors)

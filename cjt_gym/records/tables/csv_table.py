@@ -1,7 +1,7 @@
 """Tables as text: a line of names, then a line of numbers per row.
 
 The separator is a comma, a semicolon, a tab or blanks, whichever the line of names shows. Where it
-is not a comma, a comma within a number is a decimal point.
+is not a comma, a comma within a number is a decimal point. Dates as of ISO 8601 are seconds.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 from typing import TextIO
@@ -161,12 +162,26 @@ def _row(path: Path, number: int, cells: list[str], width: int, strict: bool) ->
                 f"got {len(cells)}."
             )
         return [np.nan] * width
-    try:
-        return [float(cell or "nan") for cell in cells]
-    except ValueError:
-        if not strict:
-            return [float(cell) if _is_number(cell) else np.nan for cell in cells]
+    values = [_value(cell) for cell in cells]
+    if strict and None in values:
         raise RecordError(
             f"Line {number} of {path} must hold numbers with a decimal point, "
             f"got {','.join(cells)!r}."
-        ) from None
+        )
+    return [np.nan if value is None else value for value in values]
+
+
+def _value(cell: str) -> float | None:
+    """Return the number in a cell, of a date the seconds since 1970 (UTC); None if it is neither.
+
+    An empty cell is NaN.
+    """
+    try:
+        return float(cell or "nan")
+    except ValueError:
+        pass
+    try:
+        moment = datetime.fromisoformat(cell)
+    except ValueError:
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
