@@ -22,7 +22,7 @@ def unmeasured(record: Record) -> dict[str, tuple[str, str]]:
 
     Some logs repeat the command in their place, or hold a value that never changes.
     """
-    found = {}
+    found: dict[str, tuple[str, str]] = {}
     for name, command in COPIES:
         if name in record and command in record:
             said = _in_place_of(record[name], record[command])
