@@ -15,7 +15,8 @@ from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.faults import FACTOR, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
-from cjt_gym.gap.horizons.answer import allowed_by, judged, title_of
+from cjt_gym.gap.horizons.allowed import allowed_by
+from cjt_gym.gap.horizons.answer import judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.joint_file import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE

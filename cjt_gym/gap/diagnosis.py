@@ -225,7 +225,8 @@ class Diagnosis:
     def without_gap(self) -> Diagnosis:
         """Return this diagnosis with the verdict that there is no gap, in no stage."""
         stages = {name: replace(one, significant=False) for name, one in self.stages.items()}
-        return replace(self, verdict="no_gap", effects=(), stages=stages)
+        enough = Suggestion(ENOUGH)
+        return replace(self, verdict="no_gap", effects=(), stages=stages, suggestion=enough)
 
     def to_dict(self) -> dict[str, object]:
         """Return the content of diagnosis.json: plain types, finite numbers."""

@@ -210,7 +210,7 @@ def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
     assert text == explained.unexplained.text, "nothing is wrong with its units"
     wrong = replace(explained, examination=replace(exam, advice=(UNITS,)))
     assert remarked(wrong, *known).unexplained.text.startswith("Channels contradict each other")
-    copied = remarked(explained, *known[:3], {"i": "i_cmd"}).unexplained.text
+    copied = remarked(explained, *known[:3], {"i": "repeats i_cmd in every row"}).unexplained.text
     assert copied.startswith("i repeats i_cmd in every row, and was not used.")
 
 

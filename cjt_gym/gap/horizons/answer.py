@@ -10,11 +10,9 @@ import numpy as np
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.candidates.separated import advice
-from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
     ENOUGH,
-    LEVELLESS,
     MUCH_LEFT,
     NOTHING_LEFT,
     Diagnosis,
@@ -22,6 +20,7 @@ from cjt_gym.gap.diagnosis import (
     Suggestion,
     Unexplained,
 )
+from cjt_gym.gap.horizons.allowed import allowed_by
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import held_alike
@@ -52,18 +51,8 @@ OVER_THE_RECORD = (
     "One sample ahead the named effects explain what was measured; over the whole record the "
     "datasheet predicts better, so that its joint is the one given."
 )
-ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
-"""Effects that motion in one direction does not tell from Coulomb friction."""
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
-SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
-"""Laws that differ between the directions, and what they are if the record shows no difference."""
 GAVE_WAY = "a value of the datasheet had to leave its tolerance beside it"
-UNSOUND = {
-    ONE_INSTANT: "channels of one row belong to different instants",
-    SLOPES: "a velocity contradicts its angle, or the clock is wrong",
-    FACTOR: "a channel seems to have another unit or side",
-}
-"""Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
 HALF, FLOORS = 0.5, 5.0
@@ -77,18 +66,10 @@ SILENT = 2.0
 """Residual of the drive, in units of noise, up to which its effects explain it."""
 ROUNDED = "quantization"
 """Effect that no other can cause: values that lie on a lattice."""
-VAGUELY = 0.1
-"""Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat;
-that of cogging on five real records, of three to fifteen periods, was 0.01 to 0.05."""
 UNDAMPED = "the spring's damping d_gl, not stated, may take its place"
-BESIDE_ANOTHER = "the law of the friction beside it stays open"
-"""Doubts of a hysteresis of a spring, and of damping beside Stribeck friction without a level or
-beside friction that perhaps depends on the direction."""
+"""Doubt of a hysteresis of a spring."""
 DRAGS = ("damping", "viscous_asym")
 """Effects whose drag grows in proportion to the speed."""
-HARDLY = 0.05
-"""Relative difference of friction in the two directions up to which it is not confirmed as
-asymmetric: of equal friction in both, errors of the model have made 2 %."""
 AT_FLOOR = 1.1
 """Ratio of the datasheet's errors to their floors, which are estimates themselves, up to which
 there is no gap."""
@@ -158,6 +139,8 @@ def _judged(
     told = retold(first, found, excluded, title_of(records[0]))
     told = _with_elsewhere(told, first, measured=any("i" in one for one in records))
     told = allowed_by(_with_drag(told, found), excluded)
+    text = f"{found.contradicted} {told.unexplained.text}".strip()
+    told = replace(told, unexplained=replace(told.unexplained, text=text))
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
     if not told.effects and not found.cut and main_row(found).found > LOUD:
@@ -181,8 +164,7 @@ def _at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagno
     if sure or not ahead or any(error > AT_FLOOR * floor for error, floor, _ in errors):
         return told
     left = Unexplained(0.0, None, NOTHING_LEFT, 0.0, told.unexplained.missing)
-    told = replace(told.without_gap(), unexplained=left, joint=file)
-    return replace(told, suggestion=Suggestion(ENOUGH))
+    return replace(told.without_gap(), unexplained=left, joint=file)
 
 
 def _with_drag(told: Diagnosis, found: Judgement) -> Diagnosis:
@@ -243,7 +225,9 @@ def _without_late_drive(told: Diagnosis) -> Diagnosis:
     told = replace(told, effects=effects, suggestion=Suggestion(asked or ENOUGH))
     if effects:
         return told
-    return replace(told, verdict="unexplained") if told.gap.before > TRIVIAL else told.without_gap()
+    if told.gap.before > TRIVIAL:
+        return replace(told, verdict="unexplained")
+    return replace(told.without_gap(), suggestion=told.suggestion)
 
 
 def _follows_a_sure_drive(effect: NamedEffect) -> bool:
@@ -377,65 +361,12 @@ def _without_open(first: Diagnosis, file: JointFile) -> Diagnosis:
     if effects or first.unexplained.share:
         verdict = first.verdict if effects else "unexplained"
         return replace(first, verdict=verdict, effects=effects)
-    return replace(first.without_gap(), suggestion=Suggestion(ENOUGH))
-
-
-def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
-    """Return a diagnosis that confirms no effect that the record cannot identify.
-
-    Dry friction is not confirmed either where motion in one direction hides an offset or where
-    viscous friction cannot be told from it, nor Stribeck friction of which none may be left at
-    speed, nor a torque over the angle whose frequency stays open, nor friction as asymmetric whose
-    two directions hardly differ. Beside the faults of `UNSOUND` only effects of the sensors are.
-    """
-    advice = () if first.examination is None else first.examination.advice
-    why = dict.fromkeys(excluded, "check says that this record cannot tell it")
-    if excluded.keys() >= ONE_WAY:
-        why.setdefault("coulomb", "motion in one direction does not tell it from an offset")
-    elif "damping" in excluded:
-        why.setdefault("coulomb", "this record does not tell it from viscous friction")
-    open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
-    open_ = [_perhaps_symmetric(e) for e in open_]
-    skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
-    if skewed or any(_falls_to_nothing(e) for e in open_):
-        open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
-    open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
-    effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
-    for said in (said for fault, said in UNSOUND.items() if fault in advice):
-        effects = tuple(e if e.name in MEASURES else e.doubted(said) for e in effects)
-    return replace(first, effects=effects)
-
-
-def _falls_to_nothing(effect: NamedEffect) -> bool:
-    """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
-    levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
-    return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
-
-
-def _is_vague(effect: NamedEffect) -> bool:
-    """Return whether the frequency of a torque over the angle is hardly determined."""
-    f = effect.parameters.get("f")
-    return f is not None and f.high - f.low > VAGUELY * abs(f.value)
+    return first.without_gap()
 
 
 def _instead(advice: str) -> str:
     """Return advice that begins with what would tell which value of the datasheet is off."""
     return KNOWN_TORQUE if advice == ENOUGH else f"{KNOWN_TORQUE} {advice}"
-
-
-def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:
-    """Return an effect, tentative where its two directions may be the same."""
-    if effect.name not in SYMMETRIC or len(effect.parameters) != 2:
-        return effect
-    one, two = effect.parameters.values()
-    spread = 0.5 * np.hypot(one.high - one.low, two.high - two.low)
-    hardly = HARDLY * max(abs(one.value), abs(two.value))
-    if abs(one.value - two.value) > max(spread, hardly):
-        return effect
-    plain = SYMMETRIC[effect.name]
-    others = tuple(dict.fromkeys((*effect.confusable_with, plain)))
-    doubted = effect.doubted(f"{plain} may take its place: the two directions hardly differ")
-    return replace(doubted, confusable_with=others)
 
 
 def title_of(record: Record) -> str:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, body_group
 from cjt_gym.gap.horizons.rows import BODIES, sets
-from cjt_gym.gap.horizons.sheet import datasheet_number
+from cjt_gym.gap.horizons.sheet import datasheet_number, inertias_at
 from cjt_gym.gap.recorded.tolerances import GUESSED, VAGUE, stated, tolerance_of
 from cjt_gym.joint import Joint, JointFile
 
@@ -103,24 +103,10 @@ def _inertia(joint: Joint) -> Number:
 
 
 def _put_inertia(joint: Joint) -> Put:
-    own = {
-        f"I_{b}": joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m")
-    }
-    total = sum(own.values())
-    guess = {
-        s: x for s, x in own.items() if not math.isfinite(tolerance_of(joint.file, s, INERTIA))
-    }
-    known = total - sum(guess.values())
-
     def put(draft: Draft, values: Sequence[float]) -> None:
-        """Change guessed inertias, or all in proportion if that is not possible."""
-        rest = values[0] * total - known
-        changed = {
-            s: x * rest / (total - known) for s, x in guess.items() if x > 0.0 and rest > 0.0
-        }
-        new = own | changed if changed else {s: x * values[0] for s, x in own.items()}
+        new = inertias_at(joint, values[0])
         draft.row("inertia").update((s, x) for s, x in new.items() if s != "I_l")
-        if own.get("I_l", 0.0) > 0.0:
+        if new.get("I_l", 0.0) > 0.0:
             draft.row("load_inertia")["I_l"] = new["I_l"]
 
     return put

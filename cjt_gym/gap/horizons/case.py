@@ -37,6 +37,7 @@ class Case:
         test: Windows that are held out.
         all: Windows over all data for which the answer must hold.
         drive: How the current follows its command, if both were measured.
+        apart: Whether the held-out windows are of records of their own.
     """
 
     joint: Joint
@@ -45,6 +46,7 @@ class Case:
     test: Windows
     all: Windows
     drive: DriveFit | None
+    apart: bool = False
 
 
 def make_case(
@@ -66,7 +68,7 @@ def make_case(
     test = make_windows(other or logs, kept or own, TEST, whole=whole)
     every = test if other else make_windows(logs, pieces, TEST, whole=whole)
     response = fit_drive(first, [p for p in own if p.log == 0])
-    return Case(joint, tuple(logs), fit, test, every, response)
+    return Case(joint, tuple(logs), fit, test, every, response, bool(other))
 
 
 def sharp(case: Case, joints: Iterable[Joint]) -> Case:

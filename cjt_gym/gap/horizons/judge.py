@@ -12,6 +12,7 @@ from cjt_gym.gap.diagnosis import Horizon
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case, late, sharp
+from cjt_gym.gap.horizons.contradiction import contradicted
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
@@ -100,6 +101,8 @@ class Judgement:
         found: Result of the search, if there was one.
         tests: Worth of each term of the search on held-out data.
         problem: The problem that the search was fitted to.
+        contradicted: How held-out records contradict those that were fitted, if they do.
+        errors: Errors of each joint that was judged, on held-out data.
     """
 
     case: Case
@@ -109,6 +112,7 @@ class Judgement:
     found: Found | None = None
     tests: tuple[Worth, ...] = ()
     problem: Problem | None = None
+    contradicted: str = ""
     errors: dict[str, list[Floats]] = field(default_factory=dict)
 
     @property
@@ -398,4 +402,5 @@ def _settled(case: Case, joints: dict[str, Joint], best: str) -> Judgement:
                 table[best][key], floor if enough else None, left if enough else None,
             )
         )  # fmt: skip
-    return Judgement(case, best, joints[best], tuple(rows), errors=errors)
+    said = contradicted(case, joints, table)
+    return Judgement(case, best, joints[best], tuple(rows), contradicted=said, errors=errors)

@@ -54,6 +54,8 @@ LEAST_LEVEL = 0.2
 """Least friction that remains at speed, relative to the additional friction at rest."""
 LATE = frozenset({"command_delay", "current_lag"})
 """Effects that cannot be separated from slow mechanics without a measured current."""
+ALIKE = 0.1
+"""Logarithm of the ratio of two inertias up to which they are alike."""
 MUCH = 0.5
 """Share of the squared error that an effect of `MIMICS` must remove."""
 NOTHING = 1e-3
@@ -77,7 +79,7 @@ def effects_of(
         open_ = term.name in excluded and not _is_overwhelming(judged, k)
         if there and term.told and not open_ and _deserves(judged, k, term, seen):
             effect = _named(judged, spread, k, term)
-            if _may_be_as_stated(judged, k, term, effect) or _is_open(judged, effect):
+            if _may_be_as_stated(spread, term, effect) or _is_open(judged, effect):
                 continue
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
@@ -134,6 +136,7 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     values = found.fit.model.values(found.fit.z)[index]
     worth = found.worths[index]
     told = (worth.enough and worth.seen) or is_needed(found.fit, index)
+    told = told or (worth.enough and _is_felt(judged, term, values[0]))
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False
     if not told and not agrees(seen.get(term.name), values):
@@ -157,16 +160,22 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
 
 
-def _may_be_as_stated(judged: Judgement, index: int, term: Term, effect: NamedEffect) -> bool:
+def _is_felt(judged: Judgement, term: Term, inertia: float) -> bool:
+    """Return whether an inertia that left its tolerance is also the torque's.
+
+    Predictions alone may hold a wrong inertia against a torque constant that is off by as much.
+    """
+    felt = inertia_by_torque(judged, term) if term.tight is not None else []
+    return bool(felt) and all(abs(np.log(x / inertia)) < ALIKE for x in felt)
+
+
+def _may_be_as_stated(spread: Spread, term: Term, effect: NamedEffect) -> bool:
     """Return whether the interval of a datasheet value includes what the datasheet states."""
-    assert judged.found is not None
     symbol = term.numbers[0].symbol
     if not term.nominal[0] or symbol not in effect.parameters:
         return False
-    one, fit = effect.parameters[symbol], judged.found.fit
-    fitted = fit.model.values(fit.z)[index][0]
-    scale = one.value / fitted if fitted else 1.0  # an inertia is fitted as a factor
-    return one.low <= scale * term.nominal[0] <= one.high
+    one = effect.parameters[symbol]
+    return one.low <= spread.stated(term, term.nominal[0]) <= one.high
 
 
 def _is_open(judged: Judgement, effect: NamedEffect) -> bool:
@@ -198,7 +207,7 @@ def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Inter
         return Scatter.of(spread).of_effect(term.name)
     others = inertia_by_torque(judged, term)
     for symbol, one in found.items() if others else ():
-        known = [x * one.value / spread.model.values(spread.fit.z)[index][0] for x in others]
+        known = [spread.stated(term, x) for x in others]
         found[symbol] = replace(one, low=min(one.low, *known), high=max(one.high, *known))
     return found
 

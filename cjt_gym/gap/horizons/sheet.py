@@ -35,3 +35,19 @@ def datasheet_number(file: JointFile, symbol: str, usual: float, reach: float) -
         symbol, quantity.unit, start, GUESSED if vague else tolerance, True,
         start / reach, start * reach, True,
     )  # fmt: skip
+
+
+def inertias_at(joint: Joint, factor: float) -> dict[str, float]:
+    """Return the inertias of all bodies that move with the motor if their sum is off by a factor.
+
+    Guesses change; if there is none, the rotor's does, or all in proportion if that is too small.
+    """
+    own = {
+        f"I_{b}": joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m")
+    }
+    open_ = {s: x for s, x in own.items() if not math.isfinite(tolerance_of(joint.file, s, 0.0))}
+    changed = {s: x for s, x in open_.items() if x > 0.0} or {"I_m": own["I_m"]}
+    rest = factor * sum(own.values()) - sum(x for s, x in own.items() if s not in changed)
+    if rest <= 0.0:
+        return {s: x * factor for s, x in own.items()}
+    return own | {s: x * rest / sum(changed.values()) for s, x in changed.items()}

@@ -11,7 +11,8 @@ from scipy.stats import t as student
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.fit import LEAST, Fit, Problem, bounded
-from cjt_gym.gap.horizons.model import Model, Term, motor_inertia
+from cjt_gym.gap.horizons.model import Model, Term
+from cjt_gym.gap.horizons.sheet import inertias_at
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -41,15 +42,20 @@ class Spread:
     def intervals(self, index: int) -> dict[str, Interval]:
         """Return the numbers of a term with their 95 % intervals."""
         term, span = self.model.terms[index], self.model.span(index)
-        scale = motor_inertia(self.model.joint) if term.name == "inertia" else 1.0
         found = {}
         for number, at in zip(term.numbers, range(span.start, span.stop), strict=True):
             half = self.factor * float(np.sqrt(max(self.matrix[at, at], 0.0)))
             z = float(self.fit.z[at])
-            ends = sorted(scale * number.value(z + s * half) for s in (-1.0, 1.0))
-            value = scale * number.value(z)
+            ends = sorted(self.stated(term, number.value(z + s * half)) for s in (-1.0, 1.0))
+            value = self.stated(term, number.value(z))
             found[number.symbol] = Interval(value, ends[0], ends[1], self._unit(term, number))
         return found
+
+    def stated(self, term: Term, value: float) -> float:
+        """Return a fitted number as a joint file states it: the rotor's inertia, not a factor."""
+        if term.name != "inertia":
+            return value
+        return inertias_at(self.model.joint, value)["I_m"]
 
     def _unit(self, term: Term, number: Number) -> str:
         """Return the unit of a number for the joint; N instead of N m if prismatic."""

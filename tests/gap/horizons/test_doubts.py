@@ -14,7 +14,8 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
-from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive, allowed_by
+from cjt_gym.gap.horizons.allowed import allowed_by
+from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.drive import DriveFit
@@ -231,10 +232,10 @@ def test_a_damping_that_may_be_as_stated_is_no_cause(
     effect = NamedEffect(
         "damping", "motor", "motor", None, number, "confirmed", 0.9, 0.2, (), 1.0
     )  # fmt: skip
-    model = SimpleNamespace(values=lambda z: [(fitted,)])
-    judged: Any = SimpleNamespace(found=SimpleNamespace(fit=SimpleNamespace(model=model, z=None)))
-    assert _may_be_as_stated(judged, 0, stated, effect) == same
-    assert not _may_be_as_stated(judged, 0, replace(stated, nominal=(0.0,)), effect)
+    fit = Fit(Model(case.joint, (stated,)), np.zeros(1), 0.0, [])
+    spread = Spread(fit, np.zeros((1, 1)), 2.0)
+    assert _may_be_as_stated(spread, stated, effect) == same
+    assert not _may_be_as_stated(spread, replace(stated, nominal=(0.0,)), effect)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,84 @@
+"""What no diagnosis confirms of a record that cannot identify it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
+from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
+from cjt_gym.gap.horizons.model import MEASURES
+
+ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
+"""Effects that motion in one direction does not tell from Coulomb friction."""
+SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
+"""Laws that differ between the directions, and what they are if the record shows no difference."""
+UNSOUND = {
+    ONE_INSTANT: "channels of one row belong to different instants",
+    SLOPES: "a velocity contradicts its angle, or the clock is wrong",
+    FACTOR: "a channel seems to have another unit or side",
+}
+"""Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
+VAGUELY = 0.1
+"""Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat;
+that of cogging on five real records, of three to fifteen periods, was 0.01 to 0.05."""
+HARDLY = 0.05
+"""Relative difference of friction in the two directions up to which it is not confirmed as
+asymmetric: of equal friction in both, errors of the model have made 2 %."""
+BESIDE_ANOTHER = "the law of the friction beside it stays open"
+"""Doubt of damping beside Stribeck friction without a level or beside friction that perhaps depends
+on the direction."""
+
+
+def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
+    """Return a diagnosis that confirms no effect that the record cannot identify.
+
+    Dry friction is not confirmed either where motion in one direction hides an offset or where
+    viscous friction cannot be told from it, nor Stribeck friction of which none may be left at
+    speed, nor a torque over the angle whose frequency stays open, nor friction as asymmetric whose
+    two directions hardly differ. Beside the faults of `UNSOUND` only effects of the sensors are.
+    """
+    advice = () if first.examination is None else first.examination.advice
+    why = dict.fromkeys(excluded, "check says that this record cannot tell it")
+    if excluded.keys() >= ONE_WAY:
+        why.setdefault("coulomb", "motion in one direction does not tell it from an offset")
+    elif "damping" in excluded:
+        why.setdefault("coulomb", "this record does not tell it from viscous friction")
+    open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
+    open_ = [_perhaps_symmetric(e) for e in open_]
+    skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
+    if skewed or any(_falls_to_nothing(e) for e in open_):
+        open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
+    open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
+    effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
+    for said in (said for fault, said in UNSOUND.items() if fault in advice):
+        effects = tuple(e if e.name in MEASURES else e.doubted(said) for e in effects)
+    return replace(first, effects=effects)
+
+
+def _falls_to_nothing(effect: NamedEffect) -> bool:
+    """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
+    levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
+    return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
+
+
+def _is_vague(effect: NamedEffect) -> bool:
+    """Return whether the frequency of a torque over the angle is hardly determined."""
+    f = effect.parameters.get("f")
+    return f is not None and f.high - f.low > VAGUELY * abs(f.value)
+
+
+def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:
+    """Return an effect, tentative where its two directions may be the same."""
+    if effect.name not in SYMMETRIC or len(effect.parameters) != 2:
+        return effect
+    one, two = effect.parameters.values()
+    spread = 0.5 * np.hypot(one.high - one.low, two.high - two.low)
+    hardly = HARDLY * max(abs(one.value), abs(two.value))
+    if abs(one.value - two.value) > max(spread, hardly):
+        return effect
+    plain = SYMMETRIC[effect.name]
+    others = tuple(dict.fromkeys((*effect.confusable_with, plain)))
+    doubted = effect.doubted(f"{plain} may take its place: the two directions hardly differ")
+    return replace(doubted, confusable_with=others)
