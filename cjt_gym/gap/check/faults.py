@@ -30,6 +30,8 @@ LOUD = 0.2
 """Largest acceptable noise of the current, relative to its deviation, if none is specified."""
 TAIL = 0.2
 """Share of a record that is held out for testing."""
+OFTEN, BEYOND = 0.99, 1.2
+"""Quantile of the current, and its ratio to the peak current above which one of the two is wrong."""
 AT_REST = 0.1
 """Speed in that part, relative to that before it, up to which it is at rest."""
 
@@ -81,6 +83,17 @@ def _still(view: View) -> list[str]:
         for name, channel in view.channels.items()
         if channel.span == 0.0 and name not in may
     ]
+
+
+def _beyond_peak(view: View) -> list[str]:
+    """Return a sentence on a current that the joint's peak current does not allow."""
+    limit = view.value("i_p")
+    if "i" not in view or not 0.0 < limit < np.inf:
+        return []
+    usual = float(np.quantile(np.abs(np.concatenate([x["i"] for x in view.stretches])), OFTEN))
+    if usual <= BEYOND * limit:
+        return []
+    return [f"i reaches {usual:.3g} A; the joint file gives a peak current i_p of {limit:.3g} A."]
 
 
 def _few_counts(view: View) -> list[str]:
@@ -186,6 +199,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_repairs, ""),
     (lambda view: clock(view.records), "Log at an even rate of 1 kHz, with the time of each row."),
     (_still, "Leave out channels that are not connected."),
+    (_beyond_peak, "Correct i_p in the joint file, or map the current with its unit."),
     (_few_counts, FINER),
     (_whole_numbers, UNITS),
     (velocities, SLOPES),

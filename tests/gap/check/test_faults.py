@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from cjt_gym import load_joint
 from cjt_gym.gap.check import examine
 from cjt_gym.joint import get_structure
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import read_record
 from tests.gap.check.moved import QUICK, Floats, columns, joint, record
 from tests.gap.simulator import nominal, simulate
@@ -25,6 +27,16 @@ def faults(table: Table) -> tuple[str, ...]:
 
 def test_a_sound_log_has_none() -> None:
     assert faults(columns()) == ()
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.5, True), (1.0, False)])
+def test_a_current_beyond_the_peak_of_the_joint_is_told(share: float, said: bool) -> None:
+    table, file = columns(), joint()
+    peak = Quantity(share * float(np.abs(table["i"]).max()), "A", "test")
+    limited = replace(file, parameters=file.parameters.replace(i_p=peak))
+    found = examine(record(table), limited, None).faults
+    assert [text for text in found if "peak current i_p" in text] == list(found)
+    assert bool(found) == said
 
 
 def test_records_of_different_lengths_are_judged_together() -> None:
