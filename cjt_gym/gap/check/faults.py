@@ -31,7 +31,7 @@ LOUD = 0.2
 TAIL = 0.2
 """Share of a record that is held out for testing."""
 OFTEN, BEYOND = 0.99, 1.2
-"""Quantile of the current, and its ratio to the peak current above which one of the two is wrong."""
+"""Quantile of the current, and its ratio to the peak current above which one of them is wrong."""
 AT_REST = 0.1
 """Speed in that part, relative to that before it, up to which it is at rest."""
 
