@@ -73,6 +73,8 @@ DRAGS = ("damping", "viscous_asym")
 AT_FLOOR = 1.1
 """Ratio of the datasheet's errors to their floors, which are estimates themselves, up to which
 there is no gap."""
+FAINT = 2e-3
+"""Relative error up to which there is none either."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -161,10 +163,12 @@ def _at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagno
     better = any(after < BETTER * before for before, _, after in errors)
     aside = [e for e in told.effects if e.name in MEASURES or (measured and e.stage == "drive")]
     sure = bool(aside) or (better and any(e.status == "confirmed" for e in told.effects))
-    if sure or not ahead or any(error > AT_FLOOR * floor for error, floor, _ in errors):
+    if sure or not ahead or any(e > max(AT_FLOOR * floor, FAINT) for e, floor, _ in errors):
         return told
+    gap = replace(gap, after=gap.before, removed=0.0, low=0.0, high=0.0)
+    rows = tuple(replace(row, found=row.datasheet) for row in told.horizons)
     left = Unexplained(0.0, None, NOTHING_LEFT, 0.0, told.unexplained.missing)
-    return replace(told.without_gap(), unexplained=left, joint=file)
+    return replace(told.without_gap(), gap=gap, horizons=rows, unexplained=left, joint=file)
 
 
 def _with_drag(told: Diagnosis, found: Judgement) -> Diagnosis:

@@ -68,7 +68,7 @@ def name_effects(
         lead = min(lead, need.evidence)
         doubt = _doubt(found, index, numbers, held_out_shows=state == "confirmed")
         if not doubt and _harmful(found, need, unseen):
-            doubt = "it makes the replay of unseen data worse"
+            doubt = "unseen data are replayed better without it, if other values make up for it"
         if not doubt and lead < MARGIN:
             doubt = "another explanation is as good"
         chance = confidence(lead, trial, bool(doubt))
