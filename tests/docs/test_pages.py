@@ -18,7 +18,9 @@ from cjt_gym.training.tuning.limits import Limits
 
 DOCS = Path(__file__).parents[2] / "docs"
 WRITTEN_BY = (
-    *("characteristics_page", "controllers_page", "effects_page.__main__", "features.__main__"),
+    "characteristics_page",
+    "controllers_page",
+    "effects_page.__main__",
     "protocols_page",
 )
 PRINTED = {
