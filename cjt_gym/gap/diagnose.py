@@ -16,7 +16,7 @@ from cjt_gym.gap.check.faults import FACTOR, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
 from cjt_gym.gap.horizons.allowed import allowed_by
-from cjt_gym.gap.horizons.answer import judged, title_of
+from cjt_gym.gap.horizons.answer import at_the_floor, judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.joint_file import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
@@ -91,6 +91,8 @@ def diagnose(
             found = allowed_by(_drive_alone(found, first, file, shape), excluded)
         else:
             found = judged(found, given, held, file, shape, progress)
+            known = any("i" in one for one in given)
+            found = at_the_floor(found, replace(file, structure=shape.name), measured=known)
         joint = with_sensors(found.joint, found.effects, title_of(given[0]))
         found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:

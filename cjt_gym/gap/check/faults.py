@@ -90,7 +90,7 @@ def _beyond_peak(view: View) -> list[str]:
     limit = view.value("i_p")
     if "i" not in view or not 0.0 < limit < np.inf:
         return []
-    usual = float(np.quantile(np.abs(np.concatenate([x["i"] for x in view.stretches])), OFTEN))
+    usual = float(np.nanquantile(np.abs(np.concatenate([x["i"] for x in view.stretches])), OFTEN))
     if usual <= BEYOND * limit:
         return []
     return [f"i reaches {usual:.3g} A; the joint file gives a peak current i_p of {limit:.3g} A."]

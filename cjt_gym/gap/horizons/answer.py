@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import permutations
 
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.candidates.separated import advice
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
     ENOUGH,
@@ -17,7 +15,6 @@ from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
     NamedEffect,
-    Suggestion,
     Unexplained,
 )
 from cjt_gym.gap.horizons.allowed import allowed_by
@@ -42,6 +39,7 @@ from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.gap.recorded.tolerances import is_left_open
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.quantity import freeze
 from cjt_gym.records import Record
 
 BETTER = 0.95
@@ -97,19 +95,7 @@ def judged(
         shape: Structure of the joint.
         progress: Called with a description of the current step.
     """
-    told = _judged(_without_open(first, file), records, held, file, shape, progress)
-    measured = any("i" in one for one in records)
-    return _at_the_floor(told, replace(file, structure=shape.name), measured=measured)
-
-
-def _judged(
-    first: Diagnosis,
-    records: Sequence[Record],
-    held: Sequence[Record],
-    file: JointFile,
-    shape: Structure,
-    progress: Progress,
-) -> Diagnosis:
+    first = _without_open(first, file)
     if file.parameters.get("d_gl", 0.0) <= 0.0:
         effects = (
             e.doubted(UNDAMPED) if e.name == "spring_hysteresis" else e for e in first.effects
@@ -151,11 +137,16 @@ def _judged(
     return told
 
 
-def _at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagnosis:
+def at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagnosis:
     """Return a diagnosis without a gap if the datasheet predicts as well as anything could.
 
     An effect then needs more than what it does one sample ahead. Those of sensors, and of a drive
     whose current was measured, do not change what is predicted.
+
+    Args:
+        told: The diagnosis.
+        file: The nominal joint, with its structure.
+        measured: Whether the current was measured.
     """
     gap, ahead = told.gap, [row for row in told.horizons if row.seconds > min(HORIZONS)]
     errors = [(row.datasheet, row.floor or 0.0, row.found) for row in ahead]
@@ -168,7 +159,9 @@ def _at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagno
     gap = replace(gap, after=gap.before, removed=0.0, low=0.0, high=0.0)
     rows = tuple(replace(row, found=row.datasheet) for row in told.horizons)
     left = Unexplained(0.0, None, NOTHING_LEFT, 0.0, told.unexplained.missing)
-    return replace(told.without_gap(), gap=gap, horizons=rows, unexplained=left, joint=file)
+    known = {key: x for key, x in told.joint.found.items() if key != "covariance"}
+    joint = replace(file, found=freeze(known))
+    return replace(told.without_gap(), gap=gap, horizons=rows, unexplained=left, joint=joint)
 
 
 def _with_drag(told: Diagnosis, found: Judgement) -> Diagnosis:
@@ -186,9 +179,6 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
 
     These are faults of sensors, and those of a drive whose current was measured.
     """
-    drive = first.stages["drive"]
-    if measured and drive.before > 0.0 and not drive.significant:
-        told = _without_late_drive(told)
     driven = measured and first.stages["drive"].after < SILENT
     own = {e.name for e in first.effects if driven and e.stage == "drive"}
     if own - LATE:  # what bends or clips a current may pass for a delay
@@ -216,22 +206,6 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
         verdict=verdict.get(told.verdict, told.verdict),
         unexplained=left,
     )
-
-
-def _without_late_drive(told: Diagnosis) -> Diagnosis:
-    """Return a diagnosis without delay and lag of a drive that does what its datasheet says."""
-    effects = tuple(e for e in told.effects if e.name not in LATE)
-    if effects == told.effects:
-        return told
-    asked = told.suggestion.text
-    for pair in permutations(LATE):
-        asked = asked.replace(advice(*pair), "").strip()
-    told = replace(told, effects=effects, suggestion=Suggestion(asked or ENOUGH))
-    if effects:
-        return told
-    if told.gap.before > TRIVIAL:
-        return replace(told, verdict="unexplained")
-    return replace(told.without_gap(), suggestion=told.suggestion)
 
 
 def _follows_a_sure_drive(effect: NamedEffect) -> bool:

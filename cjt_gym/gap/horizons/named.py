@@ -227,10 +227,12 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
     same = (*same, *held_alike(term.name, judged.joint, judged.case.logs[0]))
     if term.name == "gravity" and scales_of(judged.case.joint, judged.case.logs).travel < STRAIGHT:
         same = (*same, "contact")
+    delayed = term.name in LATE and judged.case.logs[0].drive != "i"
+    if delayed:
+        same = (*same, *(LATE - {term.name}))
     removed = _removed(found.less[index], found.fit)
     alike = tuple(dict.fromkeys((*genuine, *same)))
     slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
-    delayed = term.name in LATE and judged.case.logs[0].drive != "i"
     mimicked = term.name in MIMICS and removed <= MUCH
     strained = _strained(judged, term)
     endless = term.name == "stribeck" and not _levelled(found.fit, index)

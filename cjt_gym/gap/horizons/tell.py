@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from cjt_gym.gap.candidates.separated import advice
-from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, Suggestion
+from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, StageGap, Suggestion
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
-from cjt_gym.gap.horizons.named import effects_of
+from cjt_gym.gap.horizons.named import LATE, effects_of
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
@@ -67,7 +67,7 @@ def retold(
     """
     seen = seen_in_torque(judged.case.joint, judged.case.logs, excluded)
     seen = {n: one for n, one in seen.items() if not is_usual_offset(judged, n, one.values[0])}
-    effects = effects_of(judged, excluded, seen)
+    effects = without_late_drive(effects_of(judged, excluded, seen), first.stages["drive"])
     regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
     if judged.answer == "datasheet" and not loud:
         seen = {}
@@ -115,6 +115,15 @@ def retold(
         horizons=horizons_of(judged),
         regimes=first.regimes if rows else (),
     )
+
+
+def without_late_drive(effects: Sequence[NamedEffect], drive: StageGap) -> tuple[NamedEffect, ...]:
+    """Return effects without delay and lag of a drive whose current follows as it should.
+
+    The stage of a drive has a residual only if its current was measured.
+    """
+    quiet = drive.before > 0.0 and not drive.significant
+    return tuple(e for e in effects if not (quiet and e.name in LATE))
 
 
 def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:

@@ -346,7 +346,9 @@ def _check(record: Record, columns: Mapping[str, Floats]) -> None:
         )
     if "i" not in columns and "i_cmd" not in columns:
         if "v" in record:
-            raise RecordError(f"{record.owner} has the voltage that drives the joint, no current")
+            raise RecordError(
+                f"{record.owner} has the voltage that drives the joint, but no current"
+            )
         raise RecordError(
             f"{record.owner} must have one of i [A], i_cmd [A], tau_m [N m] or tau_cmd [N m], "
             f"what drives the joint. Columns with values: {_filled(record)}."

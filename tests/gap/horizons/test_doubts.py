@@ -30,6 +30,7 @@ from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
+from cjt_gym.gap.horizons.tell import without_late_drive
 from cjt_gym.gap.horizons.verdict import gave_way, unexplained_of, verdict_of
 from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.worth import Worth
@@ -175,20 +176,23 @@ def test_a_current_that_is_clipped_is_no_late_one(told: Diagnosis) -> None:
     assert _with_elsewhere(late, silent, measured=True).effects == late.effects
 
 
-def test_a_drive_that_its_stage_finds_quiet_is_not_late(told: Diagnosis) -> None:
+@pytest.mark.parametrize(
+    ("drive", "kept"),
+    [
+        (StageGap(0.3, 0.3, False), False),
+        (StageGap(1.5, 1.5, True), True),
+        (StageGap(0.0, 0.0, False), True),
+    ],
+)
+def test_a_drive_that_its_stage_finds_quiet_is_not_late(
+    told: Diagnosis, drive: StageGap, kept: bool
+) -> None:
     number = {"delay": Interval(4e-3, 3e-3, 5e-3, "s")}
     late = NamedEffect(
         "command_delay", "drive", None, None, number, "tentative", 0.5, 0.1, (), 1.0
     )  # fmt: skip
-    named = replace(told, effects=(*told.effects, late))
-    for before, off, kept in ((0.3, False, told.effects), (1.5, True, named.effects)):
-        first = replace(
-            told, effects=(), stages={**told.stages, "drive": StageGap(before, before, off)}
-        )
-        assert _with_elsewhere(named, first, measured=True).effects == kept
-    alone = replace(told, effects=(late,), verdict="explained")
-    first = replace(told, effects=(), stages={**told.stages, "drive": StageGap(0.3, 0.3, False)})
-    assert _with_elsewhere(alone, first, measured=True).verdict == "unexplained"
+    expected = (*told.effects, late) if kept else told.effects
+    assert without_late_drive((*told.effects, late), drive) == expected
 
 
 def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diagnosis) -> None:

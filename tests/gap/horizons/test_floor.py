@@ -8,7 +8,7 @@ import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.diagnosis import Horizon, Interval, NamedEffect
-from cjt_gym.gap.horizons.answer import _at_the_floor
+from cjt_gym.gap.horizons.answer import at_the_floor
 from tests.gap.horizons.rotor import datasheet, record
 
 FLOOR = 0.05
@@ -34,7 +34,7 @@ def named(stage: str, status: str) -> NamedEffect:
         (1.2, 1.0, "tentative", False, True),
     ],
 )
-def test_what_changes_nothing_at_the_floor_is_no_gap(
+def test_what_changes_nothingat_the_floor_is_no_gap(
     told: Diagnosis, error: float, found: float, status: str, measured: bool, gap: bool
 ) -> None:
     row = Horizon(0.5, "q_m", error * FLOOR, None, found * FLOOR, FLOOR)
@@ -42,9 +42,10 @@ def test_what_changes_nothing_at_the_floor_is_no_gap(
     effects = (named("drive", status),)
     given = replace(told, verdict="explained", effects=effects, gap=size, horizons=(row,))
     sheet = datasheet()
-    judged = _at_the_floor(given, sheet, measured=measured)
+    judged = at_the_floor(given, sheet, measured=measured)
     assert (judged.verdict == "no_gap") != gap
     if not gap:
         assert not judged.effects
-        assert judged.joint is sheet
+        assert judged.joint == replace(sheet, found=judged.joint.found)
+        assert judged.joint.found
         assert judged.horizons[0].found == judged.horizons[0].datasheet

@@ -1,0 +1,27 @@
+"""A drive that is late by no whole number of rows, beside friction, by the command alone."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.named import LATE
+from cjt_gym.records import Record
+from tests.gap.horizons.rotor import DRY, DT, datasheet, record
+
+
+def test_friction_and_a_late_drive_are_told_and_what_the_lateness_may_be() -> None:
+    made = record(late=2.5 * DT)
+    columns = {"t": made.t, "q_m": made["q_m"], "i_cmd": made["i"]}
+    units = {"t": "s", "q_m": "rad", "i_cmd": "A"}
+    found = diagnose(Record(columns, units), datasheet(1.0, 0.05), "rigid")
+    named = {e.name: e for e in found.effects}
+    assert named["coulomb"].parameters["d_cm"].value == pytest.approx(DRY, rel=0.05)
+    (late,) = (e for e in found.effects if e.name in LATE)
+    numbers = {symbol: one.value for symbol, one in late.parameters.items()}
+    time = numbers["delay"] if "delay" in numbers else 0.5 / (math.pi * numbers["bandwidth"])
+    assert time == pytest.approx(2.5 * DT, abs=0.25 * DT)
+    assert late.status == "tentative"
+    assert set(late.confusable_with) >= LATE - {late.name}
