@@ -20,6 +20,7 @@ from cjt_gym.gap.horizons.answer import at_the_floor, judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.joint_file import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
+from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.series import Stretch, stretches
@@ -78,7 +79,14 @@ def diagnose(
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
         raise _nothing_moves(first)
     absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
-    given, held = in_step(measured_only(given), measured_only(held), file, shape)
+    unused = [f"{name} {said}, and was not used." for name, said in absent.items()]
+    driven, moved = driven_only(measured_only([*given, *held]), shape)
+    unused += moved
+    parts = driven[: len(given)], driven[len(given) :]
+    given, held = ([one for one in some if is_left(one)] for some in parts)
+    if not given:
+        raise RecordError(f"{first.owner}: something other than the motor drives the joint.")
+    given, held = in_step(given, held, file, shape)
     whole = stretches(given)
     file = with_smoothing(file, shape, whole)
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
@@ -99,7 +107,7 @@ def diagnose(
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return remarked(found, given, whole, shape, absent)
+    return remarked(found, given, whole, shape, unused)
 
 
 def _nothing_moves(record: Record) -> RecordError:
@@ -156,10 +164,10 @@ def remarked(
     given: Sequence[Record],
     used: Sequence[Stretch],
     shape: Structure,
-    absent: Mapping[str, str],
+    unused: Sequence[str],
 ) -> Diagnosis:
     """Return a diagnosis that begins with what its reader has to know of the log."""
-    remarks = [f"{name} {said}, and was not used." for name, said in absent.items()]
+    remarks = [*unused]
     if found.examination is not None and {FACTOR, SLOPES, UNITS} & {*found.examination.advice}:
         remarks.append(
             "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "

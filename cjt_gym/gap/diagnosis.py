@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -79,6 +79,11 @@ class NamedEffect:
         """Return the effect as a tentative one, for this reason or one that it has already."""
         chance = min(self.confidence, EVEN_CHANCE)
         return replace(self, status="tentative", confidence=chance, doubt=self.doubt or why)
+
+    def or_else(self, others: Iterable[str]) -> NamedEffect:
+        """Return the effect with others that may take its place."""
+        rivals = dict.fromkeys((*self.confusable_with, *others))
+        return replace(self, confusable_with=tuple(rivals))
 
 
 @dataclass(frozen=True)

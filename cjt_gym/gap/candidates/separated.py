@@ -8,6 +8,7 @@ SEPARATED_BY: dict[frozenset[str], str] = {
         ("coulomb", "stribeck", "many slow reversals: ramps through zero velocity both ways"),
         ("coulomb", "presliding", "small oscillations inside the stuck region"),
         ("coulomb", "coulomb_asym", "slow ramps in both directions, and a rest without current"),
+        ("coulomb", "torque_offset", "slow motion in both directions"),
         ("stribeck", "presliding", "small oscillations inside the stuck region, then slow ramps"),
         ("presliding", "spring_hysteresis", "the torque of the spring, with a torque sensor"),
         ("coulomb", "load_friction", "the same slow motion under two different loads"),

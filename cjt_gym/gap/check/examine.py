@@ -13,11 +13,14 @@ from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.faults import faults, notes
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.usable import measured_only, unmeasured
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
+ALONE = "Map the torque of what else drives the joint as tau_l, or let its motor drive it alone."
+"""Remedy for motion that is not the motor's."""
 SHORTEST = 100
 """Fewest samples for an examination."""
 ROWS: Mapping[str, Callable[[View], Verdict]] = {
@@ -77,6 +80,9 @@ def examine(
     _check(records)
     absent = {name: row for one in records for name, row in unmeasured(one).items()}
     view = View.of(measured_only(records), joint, structure)
+    driven, moved = driven_only(view.records, view.structure)
+    if moved and any(map(is_left, driven)):
+        view = View.of([one for one in driven if is_left(one)], joint, view.structure)
     if joint is not None:
         check_bodies(joint.parameters, view.structure)
     with threadpool_limits(1, "blas"):  # threads slow down products of narrow matrices
@@ -96,9 +102,9 @@ def examine(
     return Examination(
         can_tell=tuple(seen),
         cannot_tell=unseen,
-        faults=(*replaced, *wrong),
+        faults=(*replaced, *moved, *wrong),
         smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
-        advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
+        advice=tuple(dict.fromkeys([*(ALONE for _ in moved), *remedies, *(row.instead for row in unseen if row.instead)])),
         channels=view.channels,
         notes=known,
         at_rest=view.at_rest,

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
 from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
+from cjt_gym.gap.horizons.inverse import ONE_WAY
 from cjt_gym.gap.horizons.model import MEASURES
 
-ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
-"""Effects that motion in one direction does not tell from Coulomb friction."""
 SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
 """Laws that differ between the directions, and what they are if the record shows no difference."""
 UNSOUND = {
@@ -45,7 +45,8 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
         why.setdefault("coulomb", "motion in one direction does not tell it from an offset")
     elif "damping" in excluded:
         why.setdefault("coulomb", "this record does not tell it from viscous friction")
-    open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in first.effects]
+    open_ = with_offset(first.effects, excluded)
+    open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in open_]
     open_ = [_perhaps_symmetric(e) for e in open_]
     skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
     if skewed or any(_falls_to_nothing(e) for e in open_):
@@ -55,6 +56,12 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     for said in (said for fault, said in UNSOUND.items() if fault in advice):
         effects = tuple(e if e.name in MEASURES else e.doubted(said) for e in effects)
     return replace(first, effects=effects)
+
+
+def with_offset(effects: Iterable[NamedEffect], excluded: Collection[str]) -> list[NamedEffect]:
+    """Return effects, Coulomb friction with the offset that motion in one direction may hide."""
+    hidden = ["torque_offset"] if ONE_WAY.issubset(excluded) else []
+    return [e.or_else(hidden) if e.name == "coulomb" else e for e in effects]
 
 
 def _falls_to_nothing(effect: NamedEffect) -> bool:
@@ -79,6 +86,5 @@ def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:
     if abs(one.value - two.value) > max(spread, hardly):
         return effect
     plain = SYMMETRIC[effect.name]
-    others = tuple(dict.fromkeys((*effect.confusable_with, plain)))
     doubted = effect.doubted(f"{plain} may take its place: the two directions hardly differ")
-    return replace(doubted, confusable_with=others)
+    return doubted.or_else([plain])

@@ -311,9 +311,8 @@ def _held(first: Diagnosis, found: Judgement) -> Diagnosis:
     effects = []
     for effect in first.effects:
         if alike := held_alike(effect.name, found.joint, found.case.logs[0]):
-            others = tuple(dict.fromkeys((*effect.confusable_with, *alike)))
-            effect = effect.doubted(f"{' or '.join(alike)} may take its place")
-            effect = replace(effect, confusable_with=others)
+            said = f"{' or '.join(alike)} may take its place"
+            effect = effect.doubted(said).or_else(alike)
         effects.append(effect)
     return replace(first, effects=tuple(effects))
 

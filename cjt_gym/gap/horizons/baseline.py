@@ -57,4 +57,4 @@ def _rows(joint: Joint, log: Log) -> Floats | None:
         return None
     felt = felt_torque(log.measured["tau"], joint.file) if sprung else -log.load
     torque = p.k_t * p.n * log.command - felt
-    return np.stack([log.speed, log.acceleration, torque])[:, log.whole]
+    return np.stack([log.speed, log.acceleration, torque])[:, log.inside]

@@ -54,6 +54,8 @@ HELD_IN = {
     "load_coulomb": ("coulomb",),
 }
 """What a regression shows of effects that it does not have."""
+ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
+"""Effects that motion in one direction does not tell from Coulomb friction."""
 DRAG, HALF = "damping", 0.5
 """Effect that may be too small to be detected but whose torque others absorb if it is left out,
 and the share of another effect that must remain once it is included."""
@@ -144,10 +146,12 @@ def seen_in_torque(
     """Return the effects on which torque is clearly spent, of those the record can identify.
 
     The regression has the others, too, and what the joint file lists: what they do must not pass
-    for another effect.
+    for another effect. Of motion in one direction it has no offset, which is Coulomb friction there.
     """
     turns = joint.parameters.axis == "rotary"
-    names = [n for n in PLACES if turns or n != "gravity"]
+    out = {"gravity"} if not turns else set()
+    out |= {"torque_offset"} if ONE_WAY.issubset(excluded) else set()
+    names = [n for n in PLACES if n not in out]
     known = {n for name in joint.effects for n in (name, *HELD_IN.get(name, ()))}
     excluded = {*excluded, *known}
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)

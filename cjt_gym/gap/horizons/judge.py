@@ -18,7 +18,7 @@ from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.imposed import freed_from
 from cjt_gym.gap.horizons.instants import lateness
-from cjt_gym.gap.horizons.inverse import seen_in_torque
+from cjt_gym.gap.horizons.inverse import ONE_WAY, seen_in_torque
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
@@ -185,7 +185,7 @@ def judge(
     problem = Problem(case.fit)
     base = Model(case.joint, base_terms(case.joint, scales))
     refined = {name for name in excluded if name in (*REFINED, "thermal_derating")}
-    seen = seen_in_torque(case.joint, case.logs, {"cogging"} & set(excluded))
+    seen = seen_in_torque(case.joint, case.logs, {"cogging", *ONE_WAY} & set(excluded))
     given = {t.key for t in base.terms}
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
     may = [t for t in may if t.key not in given]

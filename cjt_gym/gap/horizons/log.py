@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.signal import savgol_filter
 
 from cjt_gym.errors import RecordError
@@ -90,6 +91,13 @@ class Log:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @cached_property
+    def inside(self) -> Flags:
+        """Where no gap is near enough to bend smoothed speeds, shape (N,); `whole` if nowhere."""
+        width = _usual_count(self.dt) // 2
+        inside = binary_erosion(self.whole, iterations=width, border_value=1)
+        return inside if inside.any() else self.whole
 
     @property
     def voltage(self) -> bool:

@@ -87,7 +87,7 @@ def _moving(joint: Joint, log: Log) -> tuple[Floats, Floats, Floats, Floats]:
     q, v, a = (
         savgol_filter(log.measured["q_m"], count, 2, deriv=k, delta=log.dt) for k in range(3)
     )
-    use = log.whole & (np.abs(v) > STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2))))
+    use = log.inside & (np.abs(v) > STUCK * float(np.sqrt(np.mean(v[log.inside] ** 2))))
     columns = np.stack([a, v, np.sign(v), np.ones_like(v), np.cos(q), np.sin(q)], axis=1)
     torque = joint.parameters.k_t * joint.parameters.n * log.command + log.load
     return q[use], np.abs(v[use]) * log.dt, columns[use], torque[use]

@@ -62,12 +62,12 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
     """Return the typical magnitudes in some records."""
     p = joint.parameters
     gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
-    own = [gain * log.command[log.whole] for log in logs]
-    torque = np.concatenate([x + log.load[log.whole] for x, log in zip(own, logs, strict=True)])
-    speed = np.concatenate([log.speed[log.whole] for log in logs])
-    travel = max(float(np.ptp(log.states[log.whole, 0])) for log in logs)
+    own = [gain * log.command[log.inside] for log in logs]
+    torque = np.concatenate([x + log.load[log.inside] for x, log in zip(own, logs, strict=True)])
+    speed = np.concatenate([log.speed[log.inside] for log in logs])
+    travel = max(float(np.ptp(log.states[log.inside, 0])) for log in logs)
     fast = max(float(np.percentile(np.abs(speed), 99)), 1e-9)
-    moved = motor_inertia(joint) * np.concatenate([log.acceleration[log.whole] for log in logs])
+    moved = motor_inertia(joint) * np.concatenate([log.acceleration[log.inside] for log in logs])
     peak = max(float(np.percentile(np.abs(x), 99)) for x in (torque, moved))
     usual = float(np.std(torque))
     return Scales(

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from cjt_gym.gap.candidates.separated import advice
 from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, StageGap, Suggestion
+from cjt_gym.gap.horizons.allowed import with_offset
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
@@ -79,6 +80,7 @@ def retold(
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
+    effects = tuple(with_offset(effects, excluded))
     # If the stages find no cause in the table, it is not there, unless it is a datasheet value.
     told = TOO_FAR_OFF in first.unexplained.text and not judged.unexplained
     staged = bool(first.evidence.regimes)

@@ -145,7 +145,7 @@ def found_at(judged: Judgement, untold: Collection[str] = ()) -> FrozenMapping[P
         untold: Numbers that the record leaves open, which are left out of the covariance.
     """
     logs = judged.case.logs
-    speed = np.concatenate([log.speed[log.whole] for log in logs])
+    speed = np.concatenate([log.speed[log.inside] for log in logs])
     ends = np.quantile(speed, [RARE, 1.0 - RARE])
     p = judged.case.joint.parameters
     gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)

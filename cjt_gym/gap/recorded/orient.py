@@ -61,6 +61,8 @@ MOST_LATE = 0.1
 """Largest lag between two related channels [s]."""
 FASTEST = 20_000
 """Minimum number of samples to compare two channels."""
+HOLE = 0.5
+"""Time without any measurement over which channels are not interpolated [s]."""
 ORDER = ("tau", "q_l", "q_g", "dq_m", "dq_g", "dq_l", "q_m", "i", "i_cmd")
 """Channels whose sign is doubted first if any of several would do."""
 UNIT_FACTORS = {180.0 / pi: "180/pi", pi / 180.0: "pi/180", 1e3: "1000", 1e-3: "1/1000"}
@@ -111,7 +113,14 @@ def orient(
 
 
 def _filled(record: Record) -> dict[str, Floats]:
-    """Return the channels that vary, on even times, with missing samples interpolated."""
+    """Return the channels that vary, on even times, with missing samples interpolated.
+
+    Of a log with holes this is its longest part between two of them.
+    """
+    known = np.any([np.isfinite(record[name]) for name in record.columns if name != "t"], axis=0)
+    pieces = np.split(record.t[known], np.flatnonzero(np.diff(record.t[known]) > HOLE) + 1)
+    longest = max(pieces, key=len)
+    record = record.slice(*np.searchsorted(record.t, longest[[0, -1]], "right") - [1, 0])
     t, start = record.t, max(len(record) - FASTEST, 0) // 2
     grid = t[0] + record.dt * np.arange(round((t[-1] - t[0]) / record.dt) + 1)
     grid = grid[start : start + FASTEST]

@@ -15,6 +15,7 @@ from cjt_gym.gap.horizons.bristles import bent, ways
 from cjt_gym.gap.horizons.by_torque import told_by_torque
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.inverse import (
+    ONE_WAY,
     drag_law,
     feels_weight,
     inverse,
@@ -357,3 +358,19 @@ def test_friction_over_a_path_is_told_from_damping_by_the_torque(
         assert seen_in_torque(case.joint, case.logs, {"presliding"}).keys() != {"coulomb"}
         (told,) = told_by_torque(Judgement(case, "found", case.joint, ()), seen, (), alone=True)
         assert set(told.parameters) == {"d_cm", "sigma_m"}
+
+
+def test_motion_in_one_direction_shows_friction_that_an_offset_may_be(arm: JointFile) -> None:
+    rng = np.random.default_rng(7)
+    t = DT * np.arange(4000)
+    speed = 1.0 + 0.4 * np.sin(0.9 * t)
+    torque = INERTIA * 0.36 * np.cos(0.9 * t) + DRY + 0.05 * rng.standard_normal(len(t))
+    columns = {"t": t, "q_m": np.cumsum(speed) * DT, "i": torque / 10.0}
+    record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    case = make_case([record], [], arm, get_structure("rigid"))
+    seen = seen_in_torque(case.joint, case.logs, ONE_WAY)
+    assert seen["coulomb"].values == pytest.approx((DRY,), rel=0.02)
+    assert "torque_offset" not in seen
+    (told,) = (e for e in diagnose(record, arm, structure="rigid").effects if e.name == "coulomb")
+    assert told.status == "tentative"
+    assert "torque_offset" in told.confusable_with
