@@ -99,12 +99,13 @@ def examine(
         for name, verdict in verdicts.items()
         if isinstance(verdict, Unseen)
     )
+    advice = [*([ALONE] if moved else []), *remedies, *(row.instead for row in unseen)]
     return Examination(
         can_tell=tuple(seen),
         cannot_tell=unseen,
         faults=(*replaced, *moved, *wrong),
         smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
-        advice=tuple(dict.fromkeys([*(ALONE for _ in moved), *remedies, *(row.instead for row in unseen if row.instead)])),
+        advice=tuple(dict.fromkeys(filter(None, advice))),
         channels=view.channels,
         notes=known,
         at_rest=view.at_rest,

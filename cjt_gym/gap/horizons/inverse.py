@@ -146,7 +146,7 @@ def seen_in_torque(
     """Return the effects on which torque is clearly spent, of those the record can identify.
 
     The regression has the others, too, and what the joint file lists: what they do must not pass
-    for another effect. Of motion in one direction it has no offset, which is Coulomb friction there.
+    for another effect. Of motion in one direction it has no offset: that is Coulomb friction there.
     """
     turns = joint.parameters.axis == "rotary"
     out = {"gravity"} if not turns else set()
