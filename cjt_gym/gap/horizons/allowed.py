@@ -9,7 +9,7 @@ import numpy as np
 
 from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
 from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
-from cjt_gym.gap.horizons.inverse import ONE_WAY
+from cjt_gym.gap.horizons.inverse import DRAGS, ONE_WAY
 from cjt_gym.gap.horizons.model import MEASURES
 
 SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
@@ -45,7 +45,7 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
         why.setdefault("coulomb", "motion in one direction does not tell it from an offset")
     elif "damping" in excluded:
         why.setdefault("coulomb", "this record does not tell it from viscous friction")
-    open_ = with_offset(first.effects, excluded)
+    open_ = with_rivals(first.effects, excluded)
     open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in open_]
     open_ = [_perhaps_symmetric(e) for e in open_]
     skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
@@ -58,10 +58,16 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     return replace(first, effects=effects)
 
 
-def with_offset(effects: Iterable[NamedEffect], excluded: Collection[str]) -> list[NamedEffect]:
-    """Return effects, Coulomb friction with the offset that motion in one direction may hide."""
-    hidden = ["torque_offset"] if ONE_WAY.issubset(excluded) else []
-    return [e.or_else(hidden) if e.name == "coulomb" else e for e in effects]
+def with_rivals(effects: Iterable[NamedEffect], excluded: Collection[str]) -> list[NamedEffect]:
+    """Return effects, friction with what this record does not tell from it.
+
+    Motion in one direction may hide an offset; few or noisy speeds tell no damping from Coulomb
+    friction.
+    """
+    hidden = {"torque_offset"} if ONE_WAY.issubset(excluded) else set()
+    drags = DRAGS if DRAGS.issubset(excluded) else frozenset()
+    rivals = {"coulomb": hidden | drags - {"coulomb"}, "damping": drags - {"damping"}}
+    return [e.or_else(rivals.get(e.name, ())) for e in effects]
 
 
 def _falls_to_nothing(effect: NamedEffect) -> bool:

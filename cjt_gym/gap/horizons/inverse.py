@@ -56,6 +56,8 @@ HELD_IN = {
 """What a regression shows of effects that it does not have."""
 ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
 """Effects that motion in one direction does not tell from Coulomb friction."""
+DRAGS = frozenset({"damping", "coulomb"})
+"""Friction of which few or noisy speeds tell the sum rather than the parts."""
 DRAG, HALF = "damping", 0.5
 """Effect that may be too small to be detected but whose torque others absorb if it is left out,
 and the share of another effect that must remain once it is included."""
@@ -147,6 +149,7 @@ def seen_in_torque(
 
     The regression has the others, too, and what the joint file lists: what they do must not pass
     for another effect. Of motion in one direction it has no offset: that is Coulomb friction there.
+    Where a record tells damping from Coulomb friction no better, either stands for both.
     """
     turns = joint.parameters.axis == "rotary"
     out = {"gravity"} if not turns else set()
@@ -155,8 +158,11 @@ def seen_in_torque(
     known = {n for name in joint.effects for n in (name, *HELD_IN.get(name, ()))}
     excluded = {*excluded, *known}
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
-    path = 0.0 if {"presliding"} & {*excluded, *joint.effects} else _path(joint, logs, wave)
-    found = [one for one in spent(joint, logs, names, wave, path) if one.name not in excluded]
+    alike = DRAGS if DRAGS.issubset(excluded) else frozenset()
+    plain = alike or {"presliding"} & {*excluded, *joint.effects}
+    path = 0.0 if plain else _path(joint, logs, wave)
+    told = alike | {n for n in names if n not in excluded}
+    found = [one for one in spent(joint, logs, names, wave, path) if one.name in told]
     found = [_as_bristles(one, path) if path and one.name == "coulomb" else one for one in found]
     seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
     return seen if wave is None else seen | {wave.name: wave}

@@ -10,9 +10,9 @@ import numpy as np
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, LEVELLESS, MUCH_LEFT, Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import MOTION, Fit
-from cjt_gym.gap.horizons.grow import is_needed
+from cjt_gym.gap.horizons.grow import is_needed, leave
 from cjt_gym.gap.horizons.held import held_alike
-from cjt_gym.gap.horizons.inverse import feels_weight, inverse
+from cjt_gym.gap.horizons.inverse import DRAGS, feels_weight, inverse
 from cjt_gym.gap.horizons.judge import LOUD, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.rows import scales_of
@@ -22,6 +22,7 @@ from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import is_unknown, is_usual_offset, worst_row
 from cjt_gym.gap.horizons.windows import HORIZONS
+from cjt_gym.gap.horizons.worth import Worth, worth
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
 
 SURE, FIRM = 1.4, 2.0
@@ -268,12 +269,32 @@ def _is_unfelt(judged: Judgement, term: Term) -> bool:
 
 
 def _is_overwhelming(judged: Judgement, index: int) -> bool:
-    """Return whether an effect that one record can hardly show is seen far beyond doubt."""
+    """Return whether an effect that one record can hardly show is seen far beyond doubt.
+
+    Damping and Coulomb friction may each do most of what the other did, where a record hardly tells
+    them apart: then they count together.
+    """
     assert judged.found is not None
-    worth = judged.found.worths[index]
-    removed = _removed(judged.found.less[index], judged.found.fit)
+    found, drags = judged.found, _drags(judged.found.fit)
+    if _is_loud(found.worths[index], found.less[index], found.fit):
+        return True
+    if judged.problem is None or index not in drags:
+        return False
+    one, other = (found.fit.model.terms[k] for k in drags)
+    less = found.less[drags[1]]
+    less = leave(judged.problem, less, [t.key for t in less.model.terms].index(one.key))
+    return _is_loud(worth(judged.problem, less, found.fit, other), less, found.fit)
+
+
+def _drags(fit: Fit) -> tuple[int, ...]:
+    """Return where a fit has damping and Coulomb friction of the motor; () unless it has both."""
+    found = [k for k, t in enumerate(fit.model.terms) if t.name in DRAGS and t.body == "motor"]
+    return tuple(found) if len(found) == len(DRAGS) else ()
+
+
+def _is_loud(worth: Worth, less: Fit, more: Fit) -> bool:
     clear = worth.clear > SURE * worth.needed and worth.fall > LOUDEST * worth.price
-    return clear and removed > MUCH
+    return clear and _removed(less, more) > MUCH
 
 
 def _strained(judged: Judgement, term: Term) -> list[str]:

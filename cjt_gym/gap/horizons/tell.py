@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from cjt_gym.gap.candidates.separated import advice
 from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, StageGap, Suggestion
-from cjt_gym.gap.horizons.allowed import with_offset
+from cjt_gym.gap.horizons.allowed import with_rivals
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
@@ -80,7 +80,7 @@ def retold(
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
-    effects = tuple(with_offset(effects, excluded))
+    effects = tuple(with_rivals(effects, excluded))
     # If the stages find no cause in the table, it is not there, unless it is a datasheet value.
     told = TOO_FAR_OFF in first.unexplained.text and not judged.unexplained
     staged = bool(first.evidence.regimes)
@@ -157,8 +157,11 @@ def _is_as_stated(judged: Judgement, term: Term, values: Sequence[float]) -> boo
 
 def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagnosis) -> Suggestion:
     """Return what to record next to distinguish the named effects from their rivals."""
-    pairs = [(e.name, rival) for e in effects for rival in e.confusable_with]
-    told = dict.fromkeys(advice(name, rival) for name, rival in pairs)
+    pairs: dict[frozenset[str], str] = {}
+    for effect in effects:
+        for rival in effect.confusable_with:
+            pairs.setdefault(frozenset((effect.name, rival)), advice(effect.name, rival))
+    told = dict.fromkeys(pairs.values())
     exam = first.examination
     faults = exam.advice if exam is not None else ()
     parts = [*list(told)[:MOST_ADVICE], *list(faults)[:MOST_ADVICE]]
