@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,6 @@ from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import is_unknown, is_usual_offset, worst_row
 from cjt_gym.gap.horizons.windows import HORIZONS
-from cjt_gym.gap.horizons.worth import Worth, worth
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
 
 SURE, FIRM = 1.4, 2.0
@@ -77,7 +76,7 @@ def effects_of(
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
-        open_ = term.name in excluded and not _is_overwhelming(judged, k)
+        open_ = term.name in excluded and not _is_overwhelming(judged, k, excluded)
         if there and term.told and not open_ and _deserves(judged, k, term, seen):
             effect = _named(judged, spread, k, term)
             if _may_be_as_stated(spread, term, effect) or _is_open(judged, effect):
@@ -268,33 +267,22 @@ def _is_unfelt(judged: Judgement, term: Term) -> bool:
     return weighs and not feels_weight(judged.case.joint, judged.case.logs)
 
 
-def _is_overwhelming(judged: Judgement, index: int) -> bool:
+def _is_overwhelming(judged: Judgement, index: int, excluded: Collection[str]) -> bool:
     """Return whether an effect that one record can hardly show is seen far beyond doubt.
 
-    Damping and Coulomb friction may each do most of what the other did, where a record hardly tells
-    them apart: then they count together.
+    Damping and Coulomb friction that the record does not tell apart need not show in many places,
+    and count together, as each may do most of what the other did.
     """
-    assert judged.found is not None
-    found, drags = judged.found, _drags(judged.found.fit)
-    if _is_loud(found.worths[index], found.less[index], found.fit):
-        return True
-    if judged.problem is None or index not in drags:
-        return False
-    one, other = (found.fit.model.terms[k] for k in drags)
-    less = found.less[drags[1]]
-    less = leave(judged.problem, less, [t.key for t in less.model.terms].index(one.key))
-    return _is_loud(worth(judged.problem, less, found.fit, other), less, found.fit)
-
-
-def _drags(fit: Fit) -> tuple[int, ...]:
-    """Return where a fit has damping and Coulomb friction of the motor; () unless it has both."""
-    found = [k for k, t in enumerate(fit.model.terms) if t.name in DRAGS and t.body == "motor"]
-    return tuple(found) if len(found) == len(DRAGS) else ()
-
-
-def _is_loud(worth: Worth, less: Fit, more: Fit) -> bool:
+    assert judged.found is not None and judged.problem is not None
+    found, term = judged.found, judged.found.fit.model.terms[index]
+    less, worth = found.less[index], found.worths[index]
+    if term.name in DRAGS and term.body == "motor" and DRAGS.issubset(excluded):
+        left = [k for k, t in enumerate(less.model.terms) if t.name in DRAGS and t.body == "motor"]
+        less = leave(judged.problem, less, left[0]) if left else less
+        loud = less.cost - found.fit.cost > LOUDEST * worth.price
+        return loud and _removed(less, found.fit) > MUCH
     clear = worth.clear > SURE * worth.needed and worth.fall > LOUDEST * worth.price
-    return clear and _removed(less, more) > MUCH
+    return clear and _removed(less, found.fit) > MUCH
 
 
 def _strained(judged: Judgement, term: Term) -> list[str]:
