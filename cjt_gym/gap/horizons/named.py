@@ -273,7 +273,8 @@ def _is_overwhelming(judged: Judgement, index: int, excluded: Collection[str]) -
     Damping and Coulomb friction that the record does not tell apart need not show in many places,
     and count together, as each may do most of what the other did.
     """
-    assert judged.found is not None and judged.problem is not None
+    assert judged.found is not None
+    assert judged.problem is not None
     found, term = judged.found, judged.found.fit.model.terms[index]
     less, worth = found.less[index], found.worths[index]
     if term.name in DRAGS and term.body == "motor" and DRAGS.issubset(excluded):

@@ -233,13 +233,15 @@ def _given(judged: Judgement, symbol: str) -> float:
 def refined(judged: Judgement, *, known: bool = False) -> str:
     """Return a sentence on values that differ from the datasheet though no effect is named.
 
+    There is none on those of a joint that the torque hardly moves.
+
     Args:
         judged: The judgement.
         known: Whether to skip values that have a datasheet prior, guesses included, and those
             that no error shows to be off.
     """
     fit = _fit(judged)
-    if fit is None:
+    if fit is None or (not known and _imposed(judged)):
         return ""
     said = []
     for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
