@@ -106,7 +106,7 @@ def draw_case(
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
     given = (effects, structure, excitation, closed_loop, strength, duration)
-    plan = draw_plan(*given, streams[0], streams[1])
+    plan = draw_plan(*given, streams[:2])
     plan = replace(plan, defects=check_defects(defects))
     of_joint = streams[2] if joint is None else np.random.default_rng(joint)
     return _case(plan, of_joint, *streams[3:])

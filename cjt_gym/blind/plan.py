@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -59,10 +59,13 @@ def draw_plan(
     closed_loop: bool | None,
     strength: float,
     duration: float,
-    of_joint: np.random.Generator,
-    of_records: np.random.Generator,
+    streams: Sequence[np.random.Generator],
 ) -> Plan:
-    """Return a plan; None draws a choice at random. See `draw_case` for the arguments."""
+    """Return a plan; None draws a choice at random.
+
+    See `draw_case` for the arguments; the random numbers are those of the joint and of the records.
+    """
+    of_joint, of_records = streams
     _check(structure, excitation, strength, duration)
     named = None if effects is None else tuple(effects)
     form = _structure(structure, named, of_joint)

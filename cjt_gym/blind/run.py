@@ -13,7 +13,7 @@ from cjt_gym.blind.laws import dampings, inertias, selection
 from cjt_gym.blind.plant import GEAR, LOAD, Drive, Floats, Ints, Plant, Sensing, World, packed
 from cjt_gym.blind.sensors import clean_channels, measure
 from cjt_gym.blind.state import SIZE, Q, initial_state
-from cjt_gym.blind.stepper import mobility, sensed_torque, step
+from cjt_gym.blind.stepper import Moving, mobility, sensed_torque, step
 
 FINE_STEP = 1e-5
 """Longest step of the integrator [s]."""
@@ -53,6 +53,42 @@ class Frame(NamedTuple):
     mass: Floats
     damping: Floats
     s: Floats
+
+
+class Bench(NamedTuple):
+    """A joint, what chance does to it, and how its run is computed.
+
+    Attributes:
+        plant: Plant.
+        drive: Drive.
+        sensing: Sensors.
+        frame: See `frame_of`.
+        chances: Random numbers of the run.
+        resolution: Of CHANNELS, shape (5,).
+        fine_step: Longest step of the integrator [s].
+    """
+
+    plant: Plant
+    drive: Drive
+    sensing: Sensing
+    frame: Frame
+    chances: Chances
+    resolution: Floats
+    fine_step: float
+
+
+class Kept(NamedTuple):
+    """What a run keeps from sample to sample, changed in place.
+
+    Attributes:
+        past: Times [s] and torques [N m] of the fine steps so far, a ring of shape (2, PAST).
+        counts: The newest of them, and the last command that arrived, shape (2,).
+        lost: Angle of the counts that the encoder has lost [rad], shape (1,).
+    """
+
+    past: Floats
+    counts: Ints
+    lost: Floats
 
 
 @dataclass(frozen=True)
@@ -130,132 +166,98 @@ def run(
     x = initial_state(world) if restarts is None else restarts[0].copy()
     command, states = np.zeros(samples), np.zeros((samples, SIZE))
     measured, clean = np.zeros((samples, 5)), np.zeros((samples, 5))
-    _advance(
-        (packed(world.plant), packed(world.drive), packed(world.sensing)),
+    bench = Bench(
+        packed(world.plant),
+        packed(world.drive),
+        packed(world.sensing),
         frame_of(world),
-        gains,
         chances,
-        (np.array(world.resolution), reference, given),
-        every,
+        np.array(world.resolution),
         fine_step,
-        x,
-        (command, measured, clean, states),
     )
+    out = (command, measured, clean, states)
+    _advance(bench, gains, (reference, given), every, x, out)
     return Run(command, measured, clean, states, chances.times)
 
 
 @jit
 def _advance(
-    joint: tuple[Plant, Drive, Sensing],
-    frame: Frame,
+    bench: Bench,
     gains: Gains,
-    chances: Chances,
-    given: tuple[Floats, Floats, Floats],
+    given: tuple[Floats, Floats],
     every: int,
-    fine_step: float,
     x: Floats,
     out: tuple[Floats, Floats, Floats, Floats],
 ) -> None:
     """Run all samples; results go to `out` in place."""
-    resolution, reference, restarts = given
+    reference, restarts = given
     command, measured, clean, states = out
     samples = len(reference)
-    past, counts, lost, memory = (
-        np.zeros((2, PAST)),
-        np.zeros(2, np.int64),
-        np.zeros(1),
-        np.zeros(3),
-    )
+    kept, memory = Kept(np.zeros((2, PAST)), np.zeros(2, np.int64), np.zeros(1)), np.zeros(3)
     for k in range(samples):
         if every > 0 and k > 0 and k % every == 0:
             x[:] = restarts[k]
-        look(joint, frame, chances, resolution, k, x, (past, counts, lost), clean[k], measured[k])
+        look(bench, k, x, kept, clean[k], measured[k])
         states[k] = x
         command[k] = decide(gains, memory, reference, k, measured[k, 4])
         if k + 1 == samples:
             return
-        move(joint, frame, chances, command, k, fine_step, x, (past, counts))
+        move(bench, command, k, x, kept)
 
 
 @jit
-def look(
-    joint: tuple[Plant, Drive, Sensing],
-    frame: Frame,
-    chances: Chances,
-    resolution: Floats,
-    k: int,
-    x: Floats,
-    kept: tuple[Floats, Ints, Floats],
-    clean: Floats,
-    measured: Floats,
-) -> float:
+def look(bench: Bench, k: int, x: Floats, kept: Kept, clean: Floats, measured: Floats) -> float:
     """Take sample k; return the torque of the joint at that instant [N m].
 
     Args:
-        joint: Its parts.
-        frame: See `frame_of`.
-        chances: Random numbers of the run.
-        resolution: Of CHANNELS, shape (5,).
+        bench: The joint and its run.
         k: Sample.
         x: State, shape (SIZE,).
-        kept: Torques of the fine steps so far, shape (2, PAST); newest of them and last command
-            that arrived, shape (2,); counts that the encoder has lost [rad], shape (1,); in place.
+        kept: What the run keeps.
         clean: Receives the measurements without noise, rounding and calibration errors, shape (5,).
         measured: Receives the measurements, shape (5,).
     """
-    p, _, s = joint
+    s, chances = bench.sensing, bench.chances
     past, counts, lost = kept
     t = chances.times[k]
-    true, _ = sensed_torque(p, frame.leads, x)
+    true, _ = sensed_torque(bench.plant, bench.frame.leads, x)
     if k == 0:
         past[0, :], past[1, :] = t - 1.0, true
         counts[1] = -1
     tau = late_torque(past, counts[0], t, s.delay, true) if s.delay > 0.0 else true
     lost[0] -= chances.lost[k] * np.sign(x[Q + 4])
     clean_channels(s, x, tau, t, clean)
-    measure(s, clean, chances.channels[k], resolution, lost[0], measured)
+    measure(s, clean, chances.channels[k], bench.resolution, lost[0], measured)
     return float(true)
 
 
 @jit
-def move(
-    joint: tuple[Plant, Drive, Sensing],
-    frame: Frame,
-    chances: Chances,
-    command: Floats,
-    k: int,
-    fine_step: float,
-    x: Floats,
-    kept: tuple[Floats, Ints],
-) -> None:
+def move(bench: Bench, command: Floats, k: int, x: Floats, kept: Kept) -> None:
     """Go from sample k to the next, in place.
 
     Args:
-        joint: Its parts.
-        frame: See `frame_of`.
-        chances: Random numbers of the run.
+        bench: The joint and its run.
         command: Commands up to sample k [A].
         k: Sample.
-        fine_step: Longest step of the integrator [s].
         x: State, shape (SIZE,).
-        kept: As in `look`.
+        kept: What the run keeps.
     """
-    p, d, _ = joint
-    past, counts = kept
-    t = chances.times[k]
-    length = chances.times[k + 1] - t
-    steps = max(int(np.ceil(length / fine_step - 1e-6)), 1)
+    d, frame, times = bench.drive, bench.frame, bench.chances.times
+    past, counts, _ = kept
+    t = times[k]
+    length = times[k + 1] - t
+    steps = max(int(np.ceil(length / bench.fine_step - 1e-6)), 1)
     h = length / steps
     w, work = np.zeros((2, 4, 4)), np.zeros((4, 4))
     for contact in range(2):
         w[contact] = mobility(frame.mass, frame.damping[contact], frame.s, h)
+    joint = Moving(bench.plant, d, frame.leads, frame.attach, w, work)
     for j in range(steps):
         now = t + j * h
-        while counts[1] < k and chances.times[counts[1] + 1] + d.delay <= now + 0.5 * h:
+        while counts[1] < k and times[counts[1] + 1] + d.delay <= now + 0.5 * h:
             counts[1] += 1
         value = command[counts[1]] if counts[1] >= 0 else 0.0
-        noise = chances.process[k]
-        tau = step(p, d, frame.leads, frame.attach, w, x, work, value, noise, now, h)
+        tau = step(joint, x, value, bench.chances.process[k], now, h)
         counts[0] = (counts[0] + 1) % PAST
         past[0, counts[0]], past[1, counts[0]] = now + 0.5 * h, tau
 

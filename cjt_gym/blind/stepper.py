@@ -13,6 +13,7 @@ free coordinates is spread over all four bodies, and is zero where nothing moves
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -153,35 +154,39 @@ def advance_memories(p: Plant, x: Floats, h: float) -> None:
         x[CREEP] += h * rate
 
 
-@jit
-def step(
-    p: Plant,
-    d: Drive,
-    leads: Ints,
-    attach: int,
-    w: Floats,
-    x: Floats,
-    work: Floats,
-    command: float,
-    noise: float,
-    t: float,
-    h: float,
-) -> float:
-    """Advance one joint by h in place; return the torque of its bar at the middle of the step.
+class Moving(NamedTuple):
+    """A joint as it moves in steps of one length.
 
-    Args:
-        p: Plant.
-        d: Drive.
+    Attributes:
+        plant: Plant.
+        drive: Drive.
         leads: The body whose motion each body shares, shape (4,).
         attach: Body that the mount is attached to.
         w: Mobilities with open and with closed contact, shape (2, 4, 4).
-        x: State, shape (SIZE,).
         work: Scratch, shape (4, 4).
+    """
+
+    plant: Plant
+    drive: Drive
+    leads: Ints
+    attach: int
+    w: Floats
+    work: Floats
+
+
+@jit
+def step(joint: Moving, x: Floats, command: float, noise: float, t: float, h: float) -> float:
+    """Advance one joint by h in place; return the torque of its bar at the middle of the step.
+
+    Args:
+        joint: The joint.
+        x: State, shape (SIZE,).
         command: Command of the drive [A].
         noise: Torque on the motor [N m].
         t: Time at the start [s].
         h: Step [s].
     """
+    p, d, leads, attach, w, work = joint
     advance_current(d, x, command, 0.5 * h)
     for body in range(4):
         x[Q + body] += 0.5 * h * x[V + body]

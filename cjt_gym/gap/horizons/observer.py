@@ -53,8 +53,7 @@ def follow(
     batch: Batch,
     setup: Setup,
     given: Given,
-    angles: Floats,
-    whole: Flags,
+    seen: tuple[Floats, Flags],
     gain: Floats,
     work: Floats,
     out: Floats,
@@ -67,13 +66,13 @@ def follow(
         batch: A batch of one.
         setup: Its setup.
         given: The record, with the states to start from.
-        angles: Measured angles of motor, gear and load, shape (N, 3).
-        whole: Where the record is not broken, shape (N,).
+        seen: Measured angles of motor, gear and load, shape (N, 3), and where the record is not
+            broken, shape (N,).
         gain: Change of the six states with the three errors; zero for angles not measured.
         work: Scratch space.
         out: Receives the states, shape (N, 6).
     """
-    commands, loads, states = given
+    (commands, loads, states), (angles, whole) = given, seen
     state = batch.state[0]
     good = False
     for k in range(states.shape[0]):
@@ -105,7 +104,7 @@ def observed(joint: Joint, batch: JointBatch, log: Log, given: Given, work: Floa
         work: Scratch space.
     """
     out, gain = np.empty_like(log.states), _gain(joint, batch, log)
-    follow(batch.arrays, batch.setup, given, log.angles, log.whole, gain, work, out)
+    follow(batch.arrays, batch.setup, given, (log.angles, log.whole), gain, work, out)
     return out
 
 

@@ -46,7 +46,7 @@ from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain
 from cjt_gym.gap.stages.kernel import Measured
 from cjt_gym.gap.stages.predictor import (
     Gain,
-    Play,
+    Piece,
     Prediction,
     backlash,
     direct,
@@ -199,9 +199,8 @@ class Stages:
             adrift = torque[:, None] * loose.torque[:, MOTOR] - passed_on(loose, GEAR, transmitted)
             bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
             play = backlash(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
-        return self._innovations(
-            "motor", series, fields, chain, forced, bodies, transmitted, added.get("rub_m"), play
-        )
+        piece = Piece(chain, forced, bodies, transmitted, play, added.get("rub_m"))
+        return self._innovations("motor", series, fields, piece)
 
     def _on_load(self, fields: Fields) -> Floats | None:
         """Return what acts on a load that is part of the motor's stage [N m], None for nothing."""
@@ -293,7 +292,7 @@ class Stages:
         )
         nothing = np.zeros(PULSE)
         by_torque, by_motor = (
-            run_predictor(f, chain, drive, (), None, np.zeros(2), nothing, dt)[1][:, 0]
+            run_predictor(f, Piece(chain, drive, (), nothing), np.zeros(2), dt)[1][:, 0]
             for drive in drives
         )
         own = s.std("tau") * float(np.linalg.norm(pulse - bar(by_torque)))
@@ -316,10 +315,8 @@ class Stages:
             adrift = -passed_on(loose, GEAR, transmitted)
             bite = -chain.torque[:, GEAR] * fields["k_g"]
             play = backlash(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
-        load, bodies = np.abs(transmitted), (("g", GEAR),)
-        _, states, friction = run_predictor(
-            fields, chain, forced, bodies, None, x0, load, series.dt, play
-        )
+        piece = Piece(chain, forced, (("g", GEAR),), transmitted, play)
+        _, states, friction = run_predictor(fields, piece, x0, series.dt)
         return states[:, 0], states, friction
 
     # ---- load
@@ -332,8 +329,8 @@ class Stages:
             torque = torque + series["tau_l"]
         torque = torque + added.get("push_l", 0.0)
         forced = passed_on(chain, LOAD, torque)
-        bodies = (("l", LOAD),)
-        return self._innovations("load", series, fields, chain, forced, bodies, torque)
+        piece = Piece(chain, forced, (("l", LOAD),), torque)
+        return self._innovations("load", series, fields, piece)
 
     # ---- shared
     def _prescribed(self, chain: Chain, q: Floats) -> Floats:
@@ -406,39 +403,24 @@ class Stages:
             variance *= s.allowance**2
         return Gain(k, std, np.sqrt(np.maximum(variance, 1e-300)))
 
-    def _innovations(
-        self,
-        name: str,
-        series: Series,
-        fields: Fields,
-        chain: Chain,
-        forced: Floats,
-        bodies: tuple[tuple[str, int], ...],
-        transmitted: Floats,
-        rubbing: Floats | None = None,
-        play: Play | None = None,
-    ) -> Prediction:
+    def _innovations(self, name: str, series: Series, fields: Fields, piece: Piece) -> Prediction:
         channel = "q_m" if name == "motor" else "q_l"
-        x0 = self._initial(series, channel, chain, fields, transmitted)
+        x0 = self._initial(series, channel, fields, piece)
         gain = self.gains[name]
         y = np.ascontiguousarray(series[channel])
         seen = Measured(gain.k, y, series.valid[channel])
-        load, dt = np.abs(transmitted), series.dt
-        e, states, friction = run_predictor(
-            fields, chain, forced, bodies, seen, x0, load, dt, play, rubbing
-        )
+        e, states, friction = run_predictor(fields, piece, x0, series.dt, seen)
         residual = np.where(seen.valid, e / gain.scatter, 0.0)
         residual[: self.setting.settle] = 0.0
         return Prediction(residual, states, friction)
 
-    def _initial(
-        self, series: Series, channel: str, chain: Chain, fields: Fields, torque: Floats
-    ) -> Floats:
+    def _initial(self, series: Series, channel: str, fields: Fields, piece: Piece) -> Floats:
         """Return the first state: at the measured angle, at the velocity of the first samples."""
+        chain = piece.chain
         x0 = np.zeros(chain.a.shape[0])
         x0[: chain.size], x0[chain.size :] = series[channel][0], series.first_speed(channel)
         if self.setting.has_gear and channel == "q_m":
-            x0[1] -= torque[0] / fields["k_g"] + fields["centre_g"]
+            x0[1] -= piece.transmitted[0] / fields["k_g"] + fields["centre_g"]
         return x0
 
 

@@ -51,6 +51,27 @@ class Play:
     entry: Floats
 
 
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A piece of the joint and what acts on it.
+
+    Attributes:
+        chain: The piece.
+        forced: Contribution of the known inputs over each sample, shape (N, n).
+        bodies: Letter and number of the bodies that friction can act on.
+        transmitted: Transmitted torque, on which friction may depend [N m], shape (N,).
+        play: Backlash in the gear.
+        rubbing: Level of friction on the motor beside its law [N m], shape (N,).
+    """
+
+    chain: Chain
+    forced: Floats
+    bodies: tuple[tuple[str, int], ...]
+    transmitted: Floats
+    play: Play | None = None
+    rubbing: Floats | None = None
+
+
 DOUBLINGS = 20
 """Doublings of the time over which deviations add up: a million samples. A resonance that neither
 its damping nor the predictor calms has no steady state."""
@@ -109,34 +130,22 @@ def direct(error: Floats, std: Floats, s: Setting, channels: tuple[str, ...]) ->
 
 
 def run_predictor(
-    fields: Fields,
-    chain: Chain,
-    forced: Floats,
-    bodies: tuple[tuple[str, int], ...],
-    seen: Measured | None,
-    x0: Floats,
-    load: Floats,
-    dt: float,
-    play: Play | None = None,
-    rubbing: Floats | None = None,
+    fields: Fields, piece: Piece, x0: Floats, dt: float, seen: Measured | None = None
 ) -> tuple[Floats, Floats, Floats]:
     """Run the kernel with friction on those of the bodies that have any.
 
     Args:
         fields: The model.
-        chain: The stage's piece of the joint.
-        forced: Contribution of the known inputs over each sample, shape (N, n).
-        bodies: Letter and number of the bodies that friction can act on.
-        seen: What was measured; by default nothing.
+        piece: The stage's piece of the joint.
         x0: First state, shape (n,).
-        load: Size of the transmitted torque [N m], shape (N,).
         dt: Sample time [s].
-        play: Backlash in the gear.
-        rubbing: Level of friction on the motor beside its law [N m], shape (N,).
+        seen: What was measured; by default nothing.
     """
+    chain, play, rubbing = piece.chain, piece.play, piece.rubbing
+    load = np.abs(piece.transmitted)
     rough = [
         (letter, body)
-        for letter, body in bodies
+        for letter, body in piece.bodies
         if has_friction(fields, letter) or (letter == "m" and rubbing is not None)
     ]
     laws = np.zeros((len(rough), LAW_SIZE))
@@ -149,10 +158,10 @@ def run_predictor(
         if letter == "m" and rubbing is not None:
             loads[:, row] += rubbing
     velocities = np.array([chain.velocity(body) for _, body in rough], dtype=np.int64)
-    a, drive = np.ascontiguousarray(chain.a), np.ascontiguousarray(forced)
+    a, drive = np.ascontiguousarray(chain.a), np.ascontiguousarray(piece.forced)
     system = Linear(a, g, drive, x0, dt)
     if seen is None:
-        rows = len(forced)
+        rows = len(load)
         seen = Measured(np.zeros(len(x0)), np.zeros(rows), np.zeros(rows, dtype=bool))
     gap = NO_PLAY
     if play is not None:
