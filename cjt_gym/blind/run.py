@@ -118,6 +118,18 @@ def frame_of(world: World) -> Frame:
     )
 
 
+def bench_of(world: World, chances: Chances, fine_step: float = FINE_STEP) -> Bench:
+    """Return a joint with what a run of it needs."""
+    parts = packed(world.plant), packed(world.drive), packed(world.sensing)
+    return Bench(*parts, frame_of(world), chances, np.array(world.resolution), fine_step)
+
+
+@jit
+def nothing_kept() -> Kept:
+    """Return what a run keeps before its first sample."""
+    return Kept(np.zeros((2, PAST)), np.zeros(2, np.int64), np.zeros(1))
+
+
 def instants(dt: float, samples: int) -> Floats:
     """Return the nominal instants of the samples [s], shape (samples,)."""
     return np.arange(samples, dtype=np.float64) * dt
@@ -166,15 +178,7 @@ def run(
     x = initial_state(world) if restarts is None else restarts[0].copy()
     command, states = np.zeros(samples), np.zeros((samples, SIZE))
     measured, clean = np.zeros((samples, 5)), np.zeros((samples, 5))
-    bench = Bench(
-        packed(world.plant),
-        packed(world.drive),
-        packed(world.sensing),
-        frame_of(world),
-        chances,
-        np.array(world.resolution),
-        fine_step,
-    )
+    bench = bench_of(world, chances, fine_step)
     out = (command, measured, clean, states)
     _advance(bench, gains, (reference, given), every, x, out)
     return Run(command, measured, clean, states, chances.times)
@@ -193,7 +197,7 @@ def _advance(
     reference, restarts = given
     command, measured, clean, states = out
     samples = len(reference)
-    kept, memory = Kept(np.zeros((2, PAST)), np.zeros(2, np.int64), np.zeros(1)), np.zeros(3)
+    kept, memory = nothing_kept(), np.zeros(3)
     for k in range(samples):
         if every > 0 and k > 0 and k % every == 0:
             x[:] = restarts[k]

@@ -7,8 +7,8 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.blind.plant import CHANNELS, Floats, World, packed
-from cjt_gym.blind.run import FINE_STEP, PAST, draw_chances, frame_of, look, move
+from cjt_gym.blind.plant import CHANNELS, Floats, World
+from cjt_gym.blind.run import FINE_STEP, bench_of, draw_chances, look, move, nothing_kept
 from cjt_gym.blind.state import initial_state
 from cjt_gym.errors import ConfigurationError
 
@@ -45,12 +45,9 @@ class Live:
         self, world: World, samples: int, seed: int = 0, fine_step: float = FINE_STEP
     ) -> None:
         """Begin."""
-        self._joint = (packed(world.plant), packed(world.drive), packed(world.sensing))
-        self._frame, self._resolution = frame_of(world), np.array(world.resolution)
-        self._chances = draw_chances(world, samples, np.random.default_rng(seed))
-        self._fine_step = fine_step
+        chances = draw_chances(world, samples, np.random.default_rng(seed))
+        self._bench, self._kept = bench_of(world, chances, fine_step), nothing_kept()
         self._x = initial_state(world)
-        self._kept = np.zeros((2, PAST)), np.zeros(2, dtype=np.int64), np.zeros(1)
         self._command: Floats = np.zeros(samples)
         self._k = 0
         self.sample = self._look()
@@ -61,23 +58,12 @@ class Live:
         if self._k + 1 == len(self._command):
             raise ConfigurationError(f"The run ends after {self._k + 1} samples. Begin another.")
         self._command[self._k] = current
-        past, counts, _ = self._kept
-        move(
-            self._joint,
-            self._frame,
-            self._chances,
-            self._command,
-            self._k,
-            self._fine_step,
-            self._x,
-            (past, counts),
-        )
+        move(self._bench, self._command, self._k, self._x, self._kept)
         self._k += 1
         self.sample = self._look()
         return self.sample
 
     def _look(self) -> Sample:
         clean, measured = np.zeros(len(CHANNELS)), np.zeros(len(CHANNELS))
-        where = (self._joint, self._frame, self._chances, self._resolution, self._k, self._x)
-        tau = look(*where, self._kept, clean, measured)
+        tau = look(self._bench, self._k, self._x, self._kept, clean, measured)
         return Sample(dict(zip(CHANNELS, measured.tolist(), strict=True)), float(tau))
