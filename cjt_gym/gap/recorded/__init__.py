@@ -8,6 +8,10 @@
 `setting`     a record together with its nominal joint and its noise
 `signals`     torque and current between the samples
 `orient`      signs and units of the channels, where physics determines them
+`slope`       whether a measured velocity is that of its angle
 `missing`     what a record cannot tell for want of a channel
+`usable`      columns that stand for no measurement, records of several joints
+`driven`      stretches that something other than the motor drives
+`listed`      effects that the joint file lists, as parameters
 ============  ==============================================================
 """
