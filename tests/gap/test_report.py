@@ -205,13 +205,14 @@ def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
     exam = explained.examination
     assert exam is not None
     log = [simulate(seconds=2.0)]
-    known = log, stretches(log), get_structure(FIXED), {}
+    known = log, stretches(log), get_structure(FIXED), ()
     text = remarked(explained, *known).unexplained.text
     assert text == explained.unexplained.text, "nothing is wrong with its units"
     wrong = replace(explained, examination=replace(exam, advice=(UNITS,)))
     assert remarked(wrong, *known).unexplained.text.startswith("Channels contradict each other")
-    copied = remarked(explained, *known[:3], {"i": "repeats i_cmd in every row"}).unexplained.text
-    assert copied.startswith("i repeats i_cmd in every row, and was not used.")
+    said = "i repeats i_cmd in every row, and was not used."
+    copied = remarked(explained, *known[:3], [said]).unexplained.text
+    assert copied.startswith(said)
 
 
 def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -> None:
