@@ -89,12 +89,18 @@ def currents(view: View) -> list[str]:
 
 
 def _follows(view: View, one: str, other: str) -> float | None:
-    """Return the factor between slow changes of two channels; None if not proportional."""
+    """Return the factor between slow changes of two channels; None if not proportional.
+
+    Where small changes are followed further than large ones, the second is limited, not scaled.
+    """
     piece = view.stretches[0]
     x, y = (_lumps(piece[name], SLOW) for name in (one, other))
     if len(x) < FEWEST or _factor(x, y, LINEAR) is None:
         return None
-    return float(np.std(y) / np.std(x))
+    factor = float(np.std(y) / np.std(x))
+    low = np.abs(x - np.median(x)) < np.median(np.abs(x - np.median(x)))
+    small = _factor(x[low], y[low], 0.0) if low.any() else None
+    return None if small is not None and small > (1.0 + GAIN) * factor else factor
 
 
 def angles(view: View) -> list[str]:

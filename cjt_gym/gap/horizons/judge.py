@@ -25,7 +25,7 @@ from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
 from cjt_gym.gap.horizons.rows import candidates, cogging, gravity, likelier, scales_of
-from cjt_gym.gap.horizons.search import search
+from cjt_gym.gap.horizons.search import LOUDLY, search
 from cjt_gym.gap.horizons.windows import (
     HORIZONS,
     TRIVIAL,
@@ -192,7 +192,10 @@ def judge(
     may += [cogging(seen["cogging"])] if "cogging" in seen else []
     if "gravity" in seen and not any(t.name == "gravity" for t in may):
         may.append(gravity(case.joint, scales))
-    terms = likelier([*may, *own, *freed(base.terms)], seen)
+    loose = freed(base.terms)
+    if not _cut(case) and any(t.name == "gravity" and t.restated for t in may):
+        loose = [t for t in loose if t.name != "torque_constant"]  # all but a payload would scale
+    terms = likelier([*may, *own, *loose], seen)
     found = search(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
@@ -220,7 +223,7 @@ def judge(
 def _fails(case: Case, errors: dict[Key, float]) -> bool:
     """Return whether the stages leave much of a held output's torque unexplained."""
     held = case.joint.structure_row.output_fixed and case.joint.structure_row.size == 1
-    return held and errors.get(("tau", WHOLE), 0.0) > NEAR
+    return held and errors.get(("tau", WHOLE), 0.0) > TRIVIAL
 
 
 def _cut(case: Case) -> bool:
@@ -252,7 +255,7 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
         ]
         refuted = [
             k for k in new
-            if tests[k].fall < -tests[k].price
+            if tests[k].fall < -(LOUDLY if _is_weight(found, k) else 1.0) * tests[k].price
             and not is_needed(found.fit, k)
             and not _deafer(problem, found.less[k], found.fit)
         ]  # fmt: skip
@@ -260,6 +263,12 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
             return found, tuple(tests)
         worst = min(refuted, key=lambda k: tests[k].fall)
         found = found.dropped(problem, worst, lambda fit: test.scored(fit).cost)
+
+
+def _is_weight(found: Found, index: int) -> bool:
+    """Return whether a term corrects a listed weight: without it, all else scales as well."""
+    term = found.fit.model.terms[index]
+    return term.name == "gravity" and term.restated
 
 
 def _beyond_tolerance(problem: Problem, test: Problem, found: Found) -> Found:
@@ -371,7 +380,7 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
 def _loses(case: Case, stages: Sequence[Floats], found: Sequence[Floats]) -> bool:
     """Return whether a search predicts whole pieces of a held output clearly better."""
     own, other = (relative(case.test, errors) for errors in (stages, found))
-    whole = [key for key in own if key[1] == WHOLE and own[key] > NEAR]
+    whole = [key for key in own if key[1] == WHOLE and own[key] > TRIVIAL]
     return any(2.0 * np.log(own[key] / max(other[key], TRIVIAL)) > CLEARLY for key in whole)
 
 

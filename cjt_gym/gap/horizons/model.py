@@ -109,6 +109,11 @@ class Term:
         return (self.name, self.body, self.channel)
 
     @property
+    def restated(self) -> bool:
+        """Whether it corrects what the joint file states: a tolerance, or a listed weight."""
+        return self.tight is not None or (self.name == "gravity" and any(self.nominal))
+
+    @property
     def stage(self) -> str:
         """Stage of the effect table."""
         return EFFECTS[self.name].stage

@@ -56,6 +56,8 @@ LATE = frozenset({"command_delay", "current_lag"})
 """Effects that cannot be separated from slow mechanics without a measured current."""
 ALIKE = 0.1
 """Logarithm of the ratio of two inertias up to which they are alike."""
+FELT = 0.2
+"""Relative difference up to which a regression has the same friction."""
 MUCH = 0.5
 """Share of the squared error that an effect of `MIMICS` must remove."""
 NOTHING = 1e-3
@@ -136,7 +138,7 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     values = found.fit.model.values(found.fit.z)[index]
     worth = found.worths[index]
     told = (worth.enough and worth.seen) or is_needed(found.fit, index)
-    told = told or (worth.enough and _is_felt(judged, term, values[0]))
+    told = told or (worth.enough and term.restated and _is_felt(judged, term, values))
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False
     if not told and not agrees(seen.get(term.name), values):
@@ -153,20 +155,32 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         tolerance = stated_tolerance(judged.case.joint, term)
         if tolerance is None and number.scale >= 0.5:
             return False  # a guess is corrected, not diagnosed
-        off = [np.log(x / term.nominal[0]) for x in (values[0], *inertia_by_torque(judged, term))]
+        ratios = [x / term.nominal[0] for x in (values[0], *inertia_by_torque(judged, term))]
+        off = [max(r - 1.0, np.log(r)) if r > 1.0 else np.log(r) for r in ratios]
         nearest = min(np.abs(off)) if min(off) * max(off) > 0.0 else 0.0
         return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
 
 
-def _is_felt(judged: Judgement, term: Term, inertia: float) -> bool:
-    """Return whether an inertia that left its tolerance is also the torque's.
+def _is_felt(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
+    """Return whether a value that left its tolerance is also the torque's.
 
     Predictions alone may hold a wrong inertia against a torque constant that is off by as much.
     """
-    felt = inertia_by_torque(judged, term) if term.tight is not None else []
-    return bool(felt) and all(abs(np.log(x / inertia)) < ALIKE for x in felt)
+    value = values[0]
+    if felt := inertia_by_torque(judged, term):
+        return all(abs(np.log(x / value)) < ALIKE for x in felt)
+    if term.name == "gravity":
+        return _weighs(judged, values)
+    if term.name not in DRAGS or term.body != "motor":
+        return False
+    found = inverse(judged.case.joint, judged.case.logs)
+    by = {
+        "damping": [x.damping for x in found],
+        "coulomb": [x.effects["coulomb"][0] for x in found],
+    }
+    return any(abs(x - value) < FELT * value for x in by[term.name])
 
 
 def _may_be_as_stated(spread: Spread, term: Term, effect: NamedEffect) -> bool:
@@ -227,10 +241,19 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
     same = (*same, *held_alike(term.name, judged.joint, judged.case.logs[0]))
     if term.name == "gravity" and scales_of(judged.case.joint, judged.case.logs).travel < STRAIGHT:
         same = (*same, "contact")
+    if term.name == "gravity" and term.restated:
+        same = (*same, "torque_constant")
     delayed = term.name in LATE and judged.case.logs[0].drive != "i"
     if delayed:
         same = (*same, *(LATE - {term.name}))
     removed = _removed(found.less[index], found.fit)
+    felt = term.restated and not worth.seen  # by the torque: others make up for it
+    if felt and judged.problem is not None:
+        z = found.fit.z.copy()
+        z[found.fit.model.span(index)] = [
+            n.coordinate(x) for n, x in zip(term.numbers, term.nominal, strict=True)
+        ]
+        removed = _removed(judged.problem.at(found.fit.model, z), found.fit)
     alike = tuple(dict.fromkeys((*genuine, *same)))
     slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
     mimicked = term.name in MIMICS and removed <= MUCH
@@ -238,6 +261,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
     endless = term.name == "stribeck" and not _levelled(found.fit, index)
     doubts = (
         (bool(alike), f"{' or '.join(alike)} may take its place"),
+        (felt, "other values of the datasheet, off in proportion, may take its place"),
         (slight, "the record shows it in few places, or only just"),
         (test is not None and test.fall <= 0.0, "held-out data do not call for it"),
         (mimicked, "an error of the input or the angle may look like it"),
@@ -249,7 +273,8 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
         (bool(strained), f"{' and '.join(strained)} had to leave its tolerance beside it"),
     )
     doubt = next((why for holds, why in doubts if holds), "")
-    confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
+    clear = worth.needed if felt else worth.clear
+    confidence = float(np.clip(1.0 - 0.5 ** (clear / worth.needed), 0.05, 0.99))
     effect = NamedEffect(
         term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
         "confirmed", confidence, removed, alike, worth.fall,

@@ -53,6 +53,8 @@ DERATING, WEAKER = 0.002, 0.2
 resistances, and the loss at the rms current from which a search starts."""
 WARMING, WINDINGS = (1.5, 4.0, 16.0), (1.0, 100.0)
 """Thermal time constants from which a search starts, and their range [s]: no winding is quicker."""
+AROUND = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""Directions from which the search for a weight starts."""
 HOUSING = 1e3
 """Time constant of a housing that no record shows, relative to the winding's."""
 BODIES = {"m": "motor", "g": "gear", "l": "load"}
@@ -302,10 +304,19 @@ def _load_damping(joint: Joint, scales: Scales) -> Term:
                 nominal=(given,))  # fmt: skip
 
 
+def listed_weight(joint: Joint) -> tuple[float, float]:
+    """Return a and b of the weight a cos q + b sin q that a joint file lists [N m]."""
+    row = joint.effects.get("gravity", {})
+    torque, angle = (float(row.get(s, 0.0)) for s in ("torque", "angle"))  # type: ignore[arg-type]
+    return -torque * math.sin(angle), torque * math.cos(angle)
+
+
 def gravity(joint: Joint, scales: Scales) -> Term:
-    """Return the term of a weight."""
-    size, most = 0.2 * scales.torque, HEAVIEST * scales.peak
-    numbers = tuple(Free(s, "N m", 0.0, size, low=-most, high=most) for s in ("a", "b"))
+    """Return the term of a weight; a listed one is often another, as of a payload."""
+    known = listed_weight(joint)
+    size, most = 0.2 * scales.torque, HEAVIEST * scales.peak + math.hypot(*known)
+    pairs = zip(("a", "b"), known, strict=True)
+    numbers = tuple(Free(s, "N m", x, size, low=-most, high=most) for s, x in pairs)
 
     def put(draft: Draft, values: Sequence[float]) -> None:
         a, b = values  # the load needs a cos q + b sin q
@@ -313,9 +324,10 @@ def gravity(joint: Joint, scales: Scales) -> Term:
         row["torque"], row["angle"] = math.hypot(a, b), -math.atan2(a, b)
 
     return Term(
-        "gravity", numbers, put, "load", nominal=(0.0, 0.0),
-        starts=((size, 0.0), (0.0, size), (-size, 0.0), (0.0, -size)), replaces=("torque_offset",),
-        factor=RARE,
+        "gravity", numbers, put, "load", nominal=known,
+        starts=tuple((known[0] + k * size, known[1] + m * size) for k, m in AROUND),
+        replaces=("torque_offset",),
+        factor=LIKELY if any(known) else RARE,
     )  # fmt: skip
 
 

@@ -40,6 +40,7 @@ def search(
 ) -> Found:
     """Return the terms that a record supports.
 
+    A listed weight that is wrong is tried first, too: a fit without it scales everything else.
     Searches from different starts may end at different models. These are pruned in the order of
     their costs, which include held-out data, until no other could improve on the best.
 
@@ -58,8 +59,8 @@ def search(
         return priced(fit, first) + held(fit)
 
     first = best_start(problem, base)
-    dry = [term for term in terms if term.name == FIRST]
-    begun = [first, *(begin(problem, first, term) for term in dry)]
+    early = [t for t in terms if t.name == FIRST or (t.name == "gravity" and t.restated)]
+    begun = [first, *(begin(problem, first, term) for term in early)]
     begun.append(seeded(problem, first, terms, suspects))
     if problem.force:
         begun += inverse_starts(problem, base, terms)

@@ -20,6 +20,7 @@ from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
+from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped
 from cjt_gym.gap.recorded.tolerances import OUTSIDE
 from cjt_gym.joint import EFFECTS, Joint
@@ -238,7 +239,7 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
     Args:
         judged: The judgement.
         known: Whether to skip values that have a datasheet prior, guesses included, and those
-            that no error shows to be off.
+            that no error shows to be off, unless they left a stated tolerance by far.
     """
     fit = _fit(judged)
     if fit is None or (not known and _imposed(judged)):
@@ -249,14 +250,22 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
         value, nominal = scale * values[0], scale * term.nominal[0]
         if is_usual_offset(judged, term.name, value) or not term.told:
             continue
-        if known and (term.numbers[0].prior or _guessed(judged.case.joint, term)):
-            continue
-        if known and _is_unseen(judged, term):
-            continue
+        if known and not _is_far_off(judged, term, values[0]):
+            if term.numbers[0].prior or _guessed(judged.case.joint, term):
+                continue
+            if _is_unseen(judged, term):
+                continue
         within = term.name == "current_lag" and _within_a_row(judged, value, nominal)
         if not within and abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
     return f"{NAMELESS} {', '.join(said)}." if said else ""
+
+
+def _is_far_off(judged: Judgement, term: Term, value: float) -> bool:
+    """Return whether a value is far outside the tolerance that the datasheet states."""
+    stated = stated_tolerance(judged.case.joint, term)
+    ratio = value / term.nominal[0] if stated and term.nominal[0] else 1.0
+    return ratio > 0.0 and abs(math.log(ratio)) > OUTSIDE * (stated or 0.0) > 0.0
 
 
 def _is_unseen(judged: Judgement, term: Term) -> bool:

@@ -83,7 +83,7 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
     best = np.sort(gains)[: len(gains) - max(round(BROAD * len(gains)), 1)]
     clear = max(_in_deviations(gains), _in_deviations(ratios))
     needed, fall, rest = CLEAR * term.factor**0.5, less.cost - more.cost, float(best.sum())
-    strained = term.tight is not None  # a datasheet value is held by its prior, not by errors
+    strained = term.restated  # a datasheet value is held by priors, not by errors alone
     return Worth(fall, clear, fall if strained else rest, price(term), needed, strained)
 
 

@@ -12,15 +12,18 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from cjt_gym.joint import Structure
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 INPUTS = ("i_cmd", "tau_cmd", "i", "tau_m")
 """Channels of which each that is recorded is zero while the motor is off."""
-OFF = 1e-3
-"""Largest input of a motor that is off, relative to the largest of all records."""
+OFF, NOISY = 1e-3, 0.1
+"""Largest input of a motor that is off, relative to the largest of all records, and largest mean of
+a measured current over `OVER`, which may be noisy, beside a command that is off."""
 FEWEST = 100
 """Fewest rows of a record that are worth having."""
 SHORTEST, OVER = 0.5, 0.1
@@ -84,7 +87,7 @@ def _moved_by_others(
     t, q = record.t[seen], record["q_m"][seen]
     if len(t) < 2:
         return []
-    off = np.all([np.abs(record[n][seen]) <= OFF * largest[n] for n in inputs], axis=0)
+    off = _is_off({name: record[name][seen] for name in inputs}, largest, record.dt)
     usual = float(np.sqrt(np.mean((np.diff(q) / np.diff(t)) ** 2)))
     edges = np.flatnonzero(np.diff(off, prepend=False, append=False))
     return [
@@ -92,6 +95,17 @@ def _moved_by_others(
         for a, b in pairwise(edges)
         if off[a] and _speeds_up(t[a:b], q[a:b], FASTER * usual)
     ]
+
+
+def _is_off(inputs: Mapping[str, Floats], largest: Mapping[str, float], dt: float) -> Flags:
+    """Return where a motor is off, shape (N,)."""
+    commanded = any(name.endswith("_cmd") for name in inputs)
+    found = []
+    for name, x in inputs.items():
+        exact = name.endswith("_cmd") or not commanded
+        mean = x if exact else uniform_filter1d(x, max(round(OVER / dt), 1))
+        found.append(np.abs(mean) <= (OFF if exact else NOISY) * largest[name])
+    return np.all(found, axis=0)
 
 
 def _speeds_up(t: Floats, q: Floats, least: float) -> bool:

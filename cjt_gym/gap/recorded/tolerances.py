@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping
 
@@ -41,6 +42,8 @@ def stated(file: JointFile, effect: str, symbol: str) -> Quantity | None:
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:
     """Return whether an effect is no more than values that a datasheet leaves open."""
+    if effect == "gravity" and effect in file.effects:
+        return _is_listed_weight(file.effects[effect], values)
     levels = {symbol: value for symbol, value in values.items() if symbol != SMOOTHING}
     return bool(levels) and all(_is_open(file, effect, *level) for level in levels.items())
 
@@ -56,6 +59,20 @@ def _is_open(file: JointFile, effect: str, symbol: str, value: float) -> bool:
         return False
     ratio = value / known.number
     return max(abs(math.log(ratio)), abs(ratio - 1.0)) <= OUTSIDE * known.tolerance
+
+
+def _is_listed_weight(entries: Mapping[str, object], values: Mapping[str, float]) -> bool:
+    """Return whether a weight is the listed one within its tolerance, or corrects a guess."""
+    torque, angle = entries.get("torque"), entries.get("angle")
+    if not isinstance(torque, Quantity):
+        return False
+    if torque.guess:
+        return True
+    low, high = (x if isinstance(x, float) else torque.number for x in (torque.low, torque.high))
+    reach = max(OUTSIDE * (torque.tolerance or LEAST) * torque.number, 0.5 * (high - low))
+    turned = values["angle"] - (angle.number if isinstance(angle, Quantity) else 0.0)
+    off = values["torque"] * cmath.exp(1j * turned) - torque.number
+    return abs(off) <= reach
 
 
 def _is_listed(entry: Quantity, value: float) -> bool:
