@@ -51,7 +51,7 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         found.append(_stated(file, "gear_stiffness", "k_g", STIFFNESS))
     if groups.groups[2] >= 0 and groups.groups[2] != groups.groups[0]:
         found.append(_stated(file, "load_inertia", "I_l", INERTIA))
-    found += _stated_friction(joint)
+    found += stated_friction(joint)
     others = [b for b in "gl" if b not in body_group(groups, "m") and is_damping_stated(joint, b)]
     return (*found, *(_stated_damping(joint, scales, body) for body in others))
 
@@ -79,7 +79,7 @@ def _stated_damping(joint: Joint, scales: Scales, body: str) -> Term:
     return Term("damping", (number,), sets("damping", symbol), BODIES[body], nominal=(start,))
 
 
-def _stated_friction(joint: Joint) -> list[Term]:
+def stated_friction(joint: Joint) -> list[Term]:
     """Return the motor's Coulomb friction, if the datasheet states how well its level is known."""
     level = float(joint.effects.get("coulomb", {}).get("d_cm", 0.0))  # type: ignore[arg-type]
     known = stated(joint.file, "coulomb", "d_cm")

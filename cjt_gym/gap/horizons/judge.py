@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Horizon
-from cjt_gym.gap.horizons.base_rows import base_terms, freed
+from cjt_gym.gap.horizons.base_rows import base_terms, freed, stated_friction
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case, late, sharp
 from cjt_gym.gap.horizons.contradiction import contradicted
@@ -45,6 +45,8 @@ WORSE = 1.02
 """Ratio to the relative error of datasheet or least squares up to which a joint is no worse."""
 WORSE_AT_ONCE = 1.2
 """The same at the shortest horizon, which depends more on the measured start than on the joint."""
+ORDER = ("stages", "found", "base")
+"""Order in which joints are preferred that predict as well."""
 SAME = 1.0
 """Cost difference up to which the first of several joints is the answer."""
 MISS = 1.25
@@ -180,6 +182,7 @@ def judge(
         short = any(error > SMALL and one.share > HALF for error, one in ahead)
         whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
         settled = explained and not (own or open_ or short) and near and whole < TRIVIAL
+        settled = settled and not _has_vague_friction(case.joint)
         if settled and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
@@ -263,6 +266,14 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
             return found, tuple(tests)
         worst = min(refuted, key=lambda k: tests[k].fall)
         found = found.dropped(problem, worst, lambda fit: test.scored(fit).cost)
+
+
+def _has_vague_friction(joint: Joint) -> bool:
+    """Return whether the stages take friction as given that a joint file gives with a tolerance.
+
+    What the friction lacks within it, they find in the torque constant and all that scales with it.
+    """
+    return bool(stated_friction(joint)) and not joint.structure_row.has_spring
 
 
 def _is_weight(found: Found, index: int) -> bool:
@@ -365,12 +376,14 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     if "stages" in joints and not _cut(case) and _deaf(case, errors["stages"]):
         joints = {n: joint for n, joint in joints.items() if n != "stages"}
         sound = [n for n in sound if n != "stages"]
-    for name in (n for n in ("stages", "found", "base") if n in joints):
+    vague = _has_vague_friction(case.joint)
+    for name in (n for n in (("found", "base", "stages") if vague else ORDER) if n in joints):
         others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and _cut(case)
         if cut and "found" in sound and _loses(case, errors["stages"], errors["found"]):
             continue
         sharper = cut and not _own(joints.get("found"), case.joint)
+        sharper = sharper or (vague and name != "stages")
         allowance = CLEARLY * test.strength if sharper else SAME
         if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name

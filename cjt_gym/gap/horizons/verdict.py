@@ -22,7 +22,7 @@ from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped
-from cjt_gym.gap.recorded.tolerances import OUTSIDE
+from cjt_gym.gap.recorded.tolerances import OUTSIDE, VAGUE
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -295,11 +295,15 @@ def is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:
 
 
 def _guessed(joint: Joint, term: Term) -> bool:
-    """Return whether the datasheet only guesses what the numbers of a term replace."""
+    """Return whether the datasheet guesses or hardly knows what the numbers of a term replace."""
     symbols = [f"d_{b}" for b in body_group(joint.structure_row, "m")]
     known = joint.parameters.quantities
     stated = [known[s] for s in symbols if s in known and known[s].number != 0.0]
-    return term.name == "damping" and bool(stated) and all(q.guess for q in stated)
+    return (
+        term.name == "damping"
+        and bool(stated)
+        and all(q.guess or (q.tolerance or 0.0) >= VAGUE for q in stated)
+    )
 
 
 def _ahead(row: Row) -> str:
