@@ -86,3 +86,15 @@ def test_a_piece_without_any_current_is_judged_by_its_log() -> None:
     assert not is_left(second)
     with pytest.raises(RecordError, match="something other than the motor drives the joint"):
         diagnose(record.slice(9_950), datasheet(1.0), "rigid")
+
+
+def test_a_measured_current_may_be_noisy_while_its_command_is_off() -> None:
+    record = bench_record()
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(record))
+    columns = {**record.columns, "i_cmd": record["i"], "i": record["i"] + noise}
+    noisy = replace(record, columns=columns, units={**record.units, "i_cmd": "A"})
+    (kept,), (said,) = driven_only([noisy], RIGID)
+    assert np.isnan(kept["q_m"][kept.t > 10.1]).all()
+    assert "Between 10 and 16 s" in said
+    flowing = {**columns, "i": columns["i"] + 0.1}
+    assert driven_only([replace(noisy, columns=flowing)], RIGID)[1] == ()

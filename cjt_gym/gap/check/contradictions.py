@@ -88,19 +88,37 @@ def currents(view: View) -> list[str]:
     return found
 
 
+SMALLEST = 0.2
+"""Share of the blocks, those of the smallest changes, in which a limit does not act."""
+
+
+TOP, FLAT = 0.97, 0.1
+"""Share of the largest size that counts as such, and share of the samples that are at it from which
+a channel is limited, if twice those of its command."""
+
+
 def _follows(view: View, one: str, other: str) -> float | None:
     """Return the factor between slow changes of two channels; None if not proportional.
 
-    Where small changes are followed further than large ones, the second is limited, not scaled.
+    Where small changes are followed further than large ones, or the second channel is often at its
+    largest value, it is limited, not scaled.
     """
     piece = view.stretches[0]
     x, y = (_lumps(piece[name], SLOW) for name in (one, other))
     if len(x) < FEWEST or _factor(x, y, LINEAR) is None:
         return None
     factor = float(np.std(y) / np.std(x))
-    low = np.abs(x - np.median(x)) < np.median(np.abs(x - np.median(x)))
-    small = _factor(x[low], y[low], 0.0) if low.any() else None
-    return None if small is not None and small > (1.0 + GAIN) * factor else factor
+    size = np.abs(x - np.median(x))
+    low = size <= np.quantile(size, SMALLEST)
+    small = _factor(x[low], y[low], 0.0)
+    flat, others = (_at_the_top(piece[name]) for name in (other, one))
+    limited = flat > max(FLAT, 2.0 * others) or (small or 0.0) > (1.0 + GAIN) * factor
+    return None if limited else factor
+
+
+def _at_the_top(x: np.ndarray) -> float:
+    """Return how often a channel is nearly at its largest size."""
+    return float(np.mean(np.abs(x) > TOP * np.abs(x).max(initial=0.0)))
 
 
 def angles(view: View) -> list[str]:

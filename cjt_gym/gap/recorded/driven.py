@@ -105,7 +105,7 @@ def _is_off(inputs: Mapping[str, Floats], largest: Mapping[str, float], dt: floa
         exact = name.endswith("_cmd") or not commanded
         mean = x if exact else uniform_filter1d(x, max(round(OVER / dt), 1))
         found.append(np.abs(mean) <= (OFF if exact else NOISY) * largest[name])
-    return np.all(found, axis=0)
+    return np.asarray(np.all(found, axis=0))
 
 
 def _speeds_up(t: Floats, q: Floats, least: float) -> bool:

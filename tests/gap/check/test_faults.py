@@ -308,3 +308,10 @@ def test_a_torque_against_its_spring_is_found() -> None:
     rec = simulate(friction=(1.5, 1.5))
     assert not any(said in fault for fault in examine(rec, sound, held).faults)
     assert any("tau is 3.33 " + said in fault for fault in examine(rec, odd, held).faults)
+
+
+@pytest.mark.parametrize("most", [0.5, 1.0, 2.0])
+def test_a_current_that_is_limited_has_no_other_scale(most: float) -> None:
+    table = columns()
+    limited = table | {"i": np.clip(table["i"], -most, most)}
+    assert not any(" times i_cmd" in fault for fault in faults(limited))
