@@ -166,6 +166,7 @@ def judge(
         joints["least squares"] = ls
     if stages is not None:
         joints["stages"] = stages
+    enough = NEAR if suspects or not explained else TRIVIAL  # of a held output, over the record
     case = sharp(case, [joints[name] for name in ("datasheet", "stages") if name in joints])
     test = Problem(case.test)
     if stages is not None:
@@ -177,7 +178,7 @@ def judge(
         ahead = [(errors[key], one) for key, one in known.items() if key[1] != min(HORIZONS)]
         missed = any(_left(error, one) and one.share > MISSED for error, one in ahead)
         doubtful = open_ and (loud or missed)
-        if _cut(case) and not (own or doubtful or _fails(case, errors)):
+        if _cut(case) and not (own or doubtful or _fails(case, enough, errors)):
             return _settled(case, joints, _sound(case, joints))
         short = any(error > SMALL and one.share > HALF for error, one in ahead)
         whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
@@ -211,22 +212,22 @@ def judge(
     searched, found = found, _polished(case, problem, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
     joints["base"] = found.base.model.at(found.base.z)
-    best = _best(case, test, joints)
+    best = _best(case, test, joints, enough)
     if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
         free = replace(problem)
         free.force = 0.0
         fit, plain = (freed_from(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
         joints["found"], joints["base"] = fit.model.at(fit.z), plain.model.at(plain.z)
         found = replace(found, fit=fit, base=plain)
-        best = _best(case, test, joints)
+        best = _best(case, test, joints, enough)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
 
 
-def _fails(case: Case, errors: dict[Key, float]) -> bool:
+def _fails(case: Case, enough: float, errors: dict[Key, float]) -> bool:
     """Return whether the stages leave much of a held output's torque unexplained."""
     held = case.joint.structure_row.output_fixed and case.joint.structure_row.size == 1
-    return held and errors.get(("tau", WHOLE), 0.0) > TRIVIAL
+    return held and errors.get(("tau", WHOLE), 0.0) > enough
 
 
 def _cut(case: Case) -> bool:
@@ -367,7 +368,7 @@ def _with_inertia_kept(model: Model, z: Floats) -> tuple[Model, Floats]:
     return replace(model, terms=tuple(terms)), z
 
 
-def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
+def _best(case: Case, test: Problem, joints: dict[str, Joint], enough: float) -> str:
     """Return the name of the joint that is the answer."""
     blank = Model(case.joint)
     errors = {name: case.test.errors(joint) for name, joint in joints.items()}
@@ -380,7 +381,7 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     for name in (n for n in (("found", "base", "stages") if vague else ORDER) if n in joints):
         others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and _cut(case)
-        if cut and "found" in sound and _loses(case, errors["stages"], errors["found"]):
+        if cut and "found" in sound and _loses(case, enough, errors["stages"], errors["found"]):
             continue
         sharper = cut and not _own(joints.get("found"), case.joint)
         sharper = sharper or (vague and name != "stages")
@@ -390,10 +391,10 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
 
 
-def _loses(case: Case, stages: Sequence[Floats], found: Sequence[Floats]) -> bool:
+def _loses(case: Case, enough: float, stages: Sequence[Floats], found: Sequence[Floats]) -> bool:
     """Return whether a search predicts whole pieces of a held output clearly better."""
     own, other = (relative(case.test, errors) for errors in (stages, found))
-    whole = [key for key in own if key[1] == WHOLE and own[key] > TRIVIAL]
+    whole = [key for key in own if key[1] == WHOLE and own[key] > enough]
     return any(2.0 * np.log(own[key] / max(other[key], TRIVIAL)) > CLEARLY for key in whole)
 
 
