@@ -23,7 +23,7 @@ from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.held import held_alike
-from cjt_gym.gap.horizons.judge import Judgement, Row, _loses
+from cjt_gym.gap.horizons.judge import NEAR, Judgement, Row, _loses
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.named import _deserves, _may_be_as_stated
 from cjt_gym.gap.horizons.predictable import Predictable
@@ -297,9 +297,10 @@ def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Ca
     keys = (("tau", 0.02), ("tau", WHOLE))
     held: Any = SimpleNamespace(test=SimpleNamespace(keys=keys))
     short, own, other, near = (np.full((4, 4), x) for x in (0.02, 0.33, 0.24, 0.31))
-    assert _loses(held, [short, own], [short, other])
-    assert not _loses(held, [short, own], [short, near])
-    assert not _loses(held, [own, short], [other, short]), "pieces of a tenth may drift"
+    assert _loses(held, NEAR, [short, own], [short, other])
+    assert not _loses(held, NEAR, [short, own], [short, near])
+    assert not _loses(held, 2.0 * NEAR, [short, own], [short, other]), "which is little enough"
+    assert not _loses(held, NEAR, [own, short], [other, short]), "pieces of a tenth may drift"
 
 
 @pytest.mark.parametrize(("further", "open_"), [(0.02, False), (0.05, True)])
