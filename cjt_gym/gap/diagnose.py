@@ -85,7 +85,10 @@ def diagnose(
     parts = driven[: len(given)], driven[len(given) :]
     given, held = ([one for one in some if is_left(one)] for some in parts)
     if not given:
-        raise RecordError(f"{first.owner}: something other than the motor drives the joint.")
+        raise RecordError(
+            f"{first.owner}: something other than the motor drives the joint throughout. Map its "
+            "torque as tau_l, or record what the motor drives alone."
+        )
     given, held = in_step(given, held, file, shape)
     whole = stretches(given)
     file = with_smoothing(file, shape, whole)

@@ -30,6 +30,11 @@ RATIO = 0.1
 """Relative tolerance within which two angles differ by the gear ratio."""
 STEPPED = 0.01
 """The same for the steps of an angle and those of its encoder, which are known exactly."""
+SMALLEST = 0.2
+"""Share of the blocks, those of the smallest changes, in which a limit does not act."""
+TOP, FLAT = 0.97, 0.1
+"""Share of its largest size from which a channel is at its top, and least share of such samples of
+one that is limited: also twice that of its command."""
 
 
 def velocities(view: View) -> list[str]:
@@ -86,15 +91,6 @@ def currents(view: View) -> list[str]:
         if off is not None and (same or times != 1.0) and abs(off - 1.0) > GAIN:
             found.append(f"{other} is {off:.3g} times {words}.")
     return found
-
-
-SMALLEST = 0.2
-"""Share of the blocks, those of the smallest changes, in which a limit does not act."""
-
-
-TOP, FLAT = 0.97, 0.1
-"""Share of the largest size that counts as such, and share of the samples that are at it from which
-a channel is limited, if twice those of its command."""
 
 
 def _follows(view: View, one: str, other: str) -> float | None:

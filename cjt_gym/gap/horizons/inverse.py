@@ -149,7 +149,7 @@ def seen_in_torque(
 
     The regression has the others, too, and what the joint file lists: what they do must not pass
     for another effect. Of motion in one direction it has no offset: that is Coulomb friction there.
-    Where a record tells damping from Coulomb friction no better, either stands for both.
+    Where the record does not tell damping from Coulomb friction, either stands for both.
     """
     turns = joint.parameters.axis == "rotary"
     out = {"gravity"} if not turns else set()

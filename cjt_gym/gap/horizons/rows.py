@@ -304,7 +304,7 @@ def _load_damping(joint: Joint, scales: Scales) -> Term:
                 nominal=(given,))  # fmt: skip
 
 
-def listed_weight(joint: Joint) -> tuple[float, float]:
+def _listed_weight(joint: Joint) -> tuple[float, float]:
     """Return a and b of the weight a cos q + b sin q that a joint file lists [N m]."""
     row = joint.effects.get("gravity", {})
     torque, angle = (float(row.get(s, 0.0)) for s in ("torque", "angle"))  # type: ignore[arg-type]
@@ -313,7 +313,7 @@ def listed_weight(joint: Joint) -> tuple[float, float]:
 
 def gravity(joint: Joint, scales: Scales) -> Term:
     """Return the term of a weight; a listed one is often another, as of a payload."""
-    known = listed_weight(joint)
+    known = _listed_weight(joint)
     size, most = 0.2 * scales.torque, HEAVIEST * scales.peak + math.hypot(*known)
     pairs = zip(("a", "b"), known, strict=True)
     numbers = tuple(Free(s, "N m", x, size, low=-most, high=most) for s, x in pairs)

@@ -40,7 +40,7 @@ def search(
 ) -> Found:
     """Return the terms that a record supports.
 
-    A listed weight that is wrong is tried first, too: a fit without it scales everything else.
+    Another weight than the listed one is tried early: without it, everything else would scale.
     Searches from different starts may end at different models. These are pruned in the order of
     their costs, which include held-out data, until no other could improve on the best.
 

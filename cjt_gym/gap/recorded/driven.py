@@ -32,7 +32,7 @@ FURTHER = 2.0 * np.pi
 """Travel from which no weight explains that the joint speeds up [rad]."""
 FASTER = 0.2
 """Gain of speed, relative to the usual one, that is none of noise. Two records of a test bench
-gained 1.4 and 1.8 times it over 1300 and 2260 rad; stretches without current in eight records of
+gained 1.4 and 1.8 times it over 1300 and 2260 rad; stretches without current in ten records of
 other machines at most 0.1 times, over at most 2 rad."""
 
 
