@@ -20,6 +20,7 @@ from cjt_gym.gap.horizons.answer import at_the_floor, judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.joint_file import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
+from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
@@ -80,7 +81,7 @@ def diagnose(
         raise _nothing_moves(first)
     absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
     unused = [f"{name} {said}, and was not used." for name, said in absent.items()]
-    driven, moved = driven_only(measured_only([*given, *held]), shape)
+    driven, moved = driven_only(bridged(measured_only([*given, *held]))[0], shape)
     unused += moved
     parts = driven[: len(given)], driven[len(given) :]
     given, held = ([one for one in some if is_left(one)] for some in parts)
@@ -90,11 +91,11 @@ def diagnose(
             "torque as tau_l, or record what the motor drives alone."
         )
     given, held = in_step(given, held, file, shape)
-    whole = stretches(given)
-    file = with_smoothing(file, shape, whole)
+    pieces = stretches(given)
+    file = with_smoothing(file, shape, pieces)
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
         turnable = len(given) == len(held) == 1
-        found, ask = by_stages(whole, stretches(held), file, shape, progress, turnable=turnable)
+        found, ask = by_stages(pieces, stretches(held), file, shape, progress, turnable=turnable)
         open_ = found.suggestion
         found = replace(found, examination=exam)
         if exam.at_rest:
@@ -110,7 +111,7 @@ def diagnose(
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return remarked(found, given, whole, shape, unused)
+    return remarked(found, given, pieces, shape, unused)
 
 
 def _nothing_moves(record: Record) -> RecordError:

@@ -80,7 +80,7 @@ def examine(
     _check(records)
     absent = {name: row for one in records for name, row in unmeasured(one).items()}
     view = View.of(measured_only(records), joint, structure)
-    driven, moved = driven_only(view.records, view.structure)
+    driven, moved = driven_only(view.logged, view.structure)
     if moved and any(map(is_left, driven)):
         view = View.of([one for one in driven if is_left(one)], joint, view.structure)
     if joint is not None:

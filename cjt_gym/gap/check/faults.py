@@ -15,6 +15,7 @@ from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
 from cjt_gym.gap.check.torque_sensor import at_rest, without_spring
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.records import clean_pieces
 from cjt_gym.records.repair import NOTE
@@ -55,7 +56,7 @@ def notes(view: View) -> tuple[str, ...]:
 def _repairs(view: View) -> list[str]:
     """Return the findings of the record reader, and those on signs and units."""
     found: list[str] = []
-    for record in view.records:
+    for record in view.logged:
         _, repairs = clean_pieces(record)
         noted = [str(text) for text in record.provenance.get(NOTE, [])]
         told = ("sampling", "lateness", "missing") if noted else ("sampling", "lateness")
@@ -197,7 +198,7 @@ FINER = "Record more motion, or a finer angle."
 SPECIFY = "State the noise of these sensors in the joint file, such as noise under [sensors.q_m]."
 LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_repairs, ""),
-    (lambda view: clock(view.records), "Log at an even rate of 1 kHz, with the time of each row."),
+    (lambda view: clock(view.logged), "Log at an even rate of 1 kHz, with the time of each row."),
     (_still, "Leave out channels that are not connected."),
     (_beyond_peak, "Correct i_p in the joint file, or map the current with its unit."),
     (_few_counts, FINER),
@@ -217,6 +218,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
 )
 """Checks for faults, each with its remedy."""
 NOTES: tuple[Callable[[View], Sequence[str]], ...] = (
+    lambda view: bridged(view.logged)[1],
     lambda view: current_and_command(view)[1],
     lambda view: motion_and_torque(view)[1],
     without_spring,

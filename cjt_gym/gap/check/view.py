@@ -12,6 +12,7 @@ from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
 from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
+from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.joint import STRUCTURES, JointFile, Structure, get_structure
 from cjt_gym.joint.arrays import Floats
@@ -36,17 +37,19 @@ class View:
     joint: JointFile | None  # the nominal joint; None if unknown
     structure: Structure
     channels: Mapping[str, Channel]  # properties of each channel, from the longest record
+    logged: tuple[Record, ...]  # as they were logged, before short gaps were filled
 
     @classmethod
     def of(
         cls, records: Sequence[Record], joint: JointFile | None, structure: Structure | None
     ) -> View:
-        """Return the view of one or several records."""
+        """Return the view of one or several records, the short gaps of which are filled."""
+        logged, (records, _) = tuple(records), bridged(records)
         longest = max(records, key=len)
         channels = channels_of(longest, joint)
         shape = structure or _likely(longest, channels, joint)
         known = None if joint is None else as_values(joint, shape)
-        return cls(tuple(records), known, shape, channels)
+        return cls(records, known, shape, channels, logged)
 
     def __contains__(self, name: object) -> bool:
         """Return whether a channel exists and moves."""

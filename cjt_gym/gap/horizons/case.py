@@ -106,13 +106,13 @@ def _changed(case: Case, change: Callable[[Log], Log]) -> Case:
 
 
 def late(case: Case, rows: float) -> Case:
-    """Return a case of a joint that a measured current moves late by some rows."""
+    """Return a case of a joint that its input moves late by some rows."""
     fit, test, every = (late_windows(windows, rows) for windows in (case.fit, case.test, case.all))
     return replace(case, logs=fit.logs, fit=fit, test=test, all=every)
 
 
 def late_windows(windows: Windows, rows: float) -> Windows:
-    """Return windows of a joint that a measured current moves late by some rows."""
+    """Return windows of a joint that its input moves late by some rows."""
     return replace(windows, logs=tuple(log.late(rows) for log in windows.logs))
 
 

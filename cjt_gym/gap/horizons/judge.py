@@ -155,7 +155,7 @@ def judge(
         excluded: Names of effects that the record cannot identify; refined laws of friction among
             them are not tried.
         explained: Whether the stages leave nothing unexplained.
-        timed: Whether it is known which instants a measured current belongs to.
+        timed: Whether it is known which instants the input belongs to.
     """
     progress("predicting up to half a second ahead")
     scales = scales_of(case.joint, case.logs)
@@ -204,7 +204,7 @@ def judge(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
     )  # fmt: skip
-    if not timed and (rows := lateness(case, found.fit)):
+    if not timed and (rows := lateness(case, found.fit)) != case.logs[0].usual:
         case = late(case, rows)
         return judge(case, stages, progress, suspects, excluded, explained=explained, timed=True)
     found = _beyond_tolerance(problem, test, found)

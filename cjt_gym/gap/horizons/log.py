@@ -104,8 +104,13 @@ class Log:
         """Whether the joint is driven by a voltage."""
         return self.drive == "v"
 
+    @property
+    def usual(self) -> float:
+        """Rows by which the motion follows the input unless the record shows otherwise."""
+        return 0.0 if self.drive == "i" else 0.5
+
     def late(self, rows: float) -> Log:
-        """Return the log of a joint that a measured current moves late by some rows."""
+        """Return the log of a joint that its input moves late by some rows."""
         return replace(self, acting=_until_next(self.command, (0.5 - rows) / self.rows))
 
     def started(self, width: float) -> Log:

@@ -34,6 +34,9 @@ STEP = 1e-3
 """Approximate longest sample time that the joint's kernel takes in one step [s]."""
 WHOLE = 0.0
 """Horizon key of a piece that is predicted from its first sample to its last."""
+RARE = 0.1
+"""Share of a record below which the pieces that are long enough for a horizon do not stand for it:
+between frequent gaps, a single window would decide what happens over that horizon."""
 SCRAP = 0.2
 """Length relative to the longest piece up to which a piece between two gaps is not such a one."""
 LONG = 400
@@ -259,8 +262,10 @@ def make_windows(
         for count in range(len(HORIZONS), 0, -1):
             length = samples(HORIZONS[count - 1], log.dt)
             own = [(k, p) for k, p in left if p.stop - p.start > length]
+            if _size(own) < RARE * _size(left):
+                continue
             left = [(k, p) for k, p in left if p.stop - p.start <= length]
-            share = most * sum(p.stop - p.start for _, p in own) / total
+            share = most * _size(own) / total
             starts, numbers = _spread(own, length, max(share, 1.0))
             if len(starts):
                 first = np.array([pieces[k].start for k in numbers])
@@ -278,11 +283,16 @@ def make_windows(
     return _scaled(tuple(logs), tuple(groups))
 
 
+def _size(own: Sequence[tuple[int, Piece]]) -> int:
+    """Return how many samples numbered pieces have."""
+    return sum(p.stop - p.start for _, p in own)
+
+
 def _spread(
     own: Sequence[tuple[int, Piece]], length: int, share: float
 ) -> tuple[Integers, Integers]:
     """Return starts and piece numbers of windows, spread evenly; each piece is longer than one."""
-    total = sum(p.stop - p.start for _, p in own)
+    total = _size(own)
     starts: list[int] = []
     numbers: list[int] = []
     due = 0.0
