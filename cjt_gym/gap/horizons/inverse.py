@@ -162,6 +162,7 @@ def seen_in_torque(
     plain = alike or {"presliding"} & {*excluded, *joint.effects}
     path = 0.0 if plain else _path(joint, logs, wave)
     told = alike | {n for n in names if n not in excluded}
+    told -= {DRAG} if logs[0].voltage else set()  # the tolerance of r is one of damping
     found = [one for one in spent(joint, logs, names, wave, path) if one.name in told]
     found = [_as_bristles(one, path) if path and one.name == "coulomb" else one for one in found]
     seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
@@ -248,7 +249,7 @@ def _moving(
     """Return regressors and torque over all records; empty if a required channel is missing."""
     sprung = joint.structure_row.has_spring
     usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
-    if not usable or any(log.voltage for log in usable):
+    if not usable or any(log.voltage and "r" not in joint.parameters for log in usable):
         return np.zeros((0, 6)), np.zeros(0)
     parts = [_columns(joint, log, sprung, wave, path) for log in usable]
     columns, torque = zip(*parts, strict=True)
@@ -262,6 +263,8 @@ def _columns(
     p = joint.parameters
     count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
     torque = p.k_t * p.n * log.command
+    if log.voltage:
+        torque = (torque - (p.k_t * p.n) ** 2 * log.speed) / p.r
     torque = torque - (felt_torque(log.measured["tau"], joint.file) if sprung else -log.load)
     if wave is not None:
         f, cosine, sine = wave.values
