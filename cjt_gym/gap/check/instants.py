@@ -38,6 +38,8 @@ SAME_ROW = 0.5
 leaves if it acted before."""
 UNKNOWN = 1e-3
 """Least share of a current's deviation that its past leaves for that to be judged."""
+PROMPT = 0.5
+"""Share of the command of its row in a current that answers at once."""
 EARLIER = 3
 """Number of past commands."""
 SHIFTS = np.arange(-12.0, 24.01, 0.5)
@@ -119,19 +121,25 @@ def misplaced(record: Record) -> tuple[str, int] | None:
     """Return the channel, i or i_cmd, that is one row late (1) or early (-1), or None."""
     if not answers_in_its_row(record):
         return None
-    return ("i_cmd", 1) if _motion_answers_too(record) else ("i", -1)
+    if not {"q_m", "dq_m"} & set(record.columns):
+        return "i_cmd", 1
+    shares = _shares(record)
+    left = _left_by_currents(record, shares)
+    prompt = shares[0] > PROMPT * np.abs(shares[:-1]).sum()
+    if prompt and left["mean"] <= min(left["after"], left["before"]):
+        return None
+    return ("i_cmd", 1) if left["after"] < left["before"] else ("i", -1)
 
 
-def _motion_answers_too(record: Record) -> bool:
-    """Return whether the motion of a row, too, knows the row's command.
+def _left_by_currents(record: Record, shares: Floats) -> dict[str, float]:
+    """Return what the motion's change of speed leaves of the currents that may cause it.
 
     Over two rows the speed changes by what the currents in between add. They are those of these
     rows if all of them are read after the command, else those of one row earlier; a fast current is
-    the one at the end of a row, a slow one the mean of both ends.
+    the one at the end of a row, a slow one the mean of both ends. The mean is also what counts
+    where a current answers at once in a log that is slower than the commands.
     """
-    if not {"q_m", "dq_m"} & set(record.columns):
-        return True
-    current = _without_noise(record)
+    current = _without_noise(record, shares)
     if "q_m" in record:
         q = record["q_m"]
         change, motion = np.diff(q[1:], 2), [q[2:-1], q[3:] - q[1:-2], np.sign(q[3:] - q[1:-2])]
@@ -143,21 +151,29 @@ def _motion_answers_too(record: Record) -> bool:
     slow = fast[0] + fast[1], current[:-3] + 2.0 * current[1:-2] + current[2:-1]
     good = np.isfinite(np.stack([change, *motion, *fast, *slow])).all(axis=0)
     others = [x[good] for x in (*motion, np.ones(len(good)))]
-    after, before = (
-        min(left_over(change[good], [*others, x[good]]) for x in both)
-        for both in zip(fast, slow, strict=True)
+    ends, means = (
+        [left_over(change[good], [*others, x[good]]) for x in both] for both in (fast, slow)
     )
-    return after < before
+    return {"after": min(ends[0], means[0]), "before": min(ends[1], means[1]), "mean": means[0]}
 
 
-def _without_noise(record: Record) -> Floats:
-    """Return a current as far as it follows from the commands up to its row, shape (N,)."""
-    i, command = record["i"], record["i_cmd"]
-    past = [np.append(np.full(k, np.nan), command[: len(i) - k]) for k in range(EARLIER + 1)]
-    columns = np.column_stack([*past, np.ones(len(i))])
+def _shares(record: Record) -> Floats:
+    """Return the shares of the commands of a row and those before it in its current, and a rest."""
+    columns, i = _commands(record), record["i"]
     good = np.isfinite(columns).all(axis=1) & np.isfinite(i)
-    share = np.linalg.lstsq(columns[good], i[good], rcond=None)[0]
-    return np.asarray(columns @ share)
+    return np.asarray(np.linalg.lstsq(columns[good], i[good], rcond=None)[0])
+
+
+def _commands(record: Record) -> Floats:
+    """Return the commands of each row and of those before it, and ones, shape (N, EARLIER + 2)."""
+    command = record["i_cmd"]
+    past = [np.append(np.full(k, np.nan), command[: len(command) - k]) for k in range(EARLIER + 1)]
+    return np.column_stack([*past, np.ones(len(command))])
+
+
+def _without_noise(record: Record, shares: Floats) -> Floats:
+    """Return a current as far as it follows from the commands up to its row, shape (N,)."""
+    return np.asarray(_commands(record) @ shares)
 
 
 def in_step(
@@ -167,7 +183,8 @@ def in_step(
 
     The angle of the load moves to the instants of the motor's. Where a current answers its command
     in the command's own row, the commands move to the row before if the motion answers there, too;
-    otherwise the currents move to the next.
+    otherwise the currents move to the next. Where both answer at once, as in a log that is slower
+    than the loop, nothing moves.
     """
     both = angles_in_step(records, held, file, shape)
     off = misplaced(max((record for some in both for record in some), key=len))

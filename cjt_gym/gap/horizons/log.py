@@ -15,7 +15,7 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.horizons.spent import STUCK
-from cjt_gym.gap.recorded.series import current_before, same_file
+from cjt_gym.gap.recorded.series import SLOW, current_before, same_file
 from cjt_gym.gap.recorded.slope import is_slope
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.quantity import Quantity
@@ -172,7 +172,7 @@ def to_log(
     even = {n: _even(grid, t, x) for n, x in columns.items()}
     drive, command = _driving(record, even, file)
     followed = not measured and drive == "i" and "i_cmd" in even
-    if structure.has_spring and followed and _followed(even["i"], even["i_cmd"]):
+    if dt <= SLOW and structure.has_spring and followed and _followed(even["i"], even["i_cmd"]):
         drive, command = "i_cmd", even["i_cmd"]
     shown = _measured(record, even, structure, grid)
     used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]

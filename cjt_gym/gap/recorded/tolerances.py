@@ -18,8 +18,6 @@ OUTSIDE = 3.0
 """Number of tolerances by which a value has to differ from its datasheet to count as different."""
 LEAST = 0.01
 """Relative deviation that an identified value always has: sensors are no better."""
-LEVELS = "d_c"
-"""Beginning of the symbols of dry friction, whose tolerance the stages do not know."""
 SMOOTHING = "dq_0"
 
 
@@ -49,13 +47,13 @@ def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> b
 
 
 def _is_open(file: JointFile, effect: str, symbol: str, value: float) -> bool:
-    """Return whether a value is guessed, is listed, or is dry friction within its tolerance."""
+    """Return whether a value is guessed, is listed, or is within its tolerance."""
     entry, known = file.effects.get(effect, {}).get(symbol), stated(file, effect, symbol)
     if isinstance(entry, Quantity) and _is_listed(entry, value):
         return True
     if known is None or known.guess:
         return known is not None
-    if not symbol.startswith(LEVELS) or not known.tolerance or min(value, known.number) <= 0.0:
+    if not known.tolerance or min(value, known.number) <= 0.0:
         return False
     ratio = value / known.number
     return max(abs(math.log(ratio)), abs(ratio - 1.0)) <= OUTSIDE * known.tolerance
