@@ -9,7 +9,7 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.check.instants import answers_in_its_row, in_step
+from cjt_gym.gap.check.instants import answers_in_its_row, in_step, misplaced
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
 from tests.gap.simulator import nominal, simulate
@@ -82,3 +82,14 @@ def test_such_a_log_is_diagnosed_like_any_other(written: Callable[[Record], Reco
     assert found.verdict == "explained"
     assert [(e.name, e.status) for e in found.effects] == [("coulomb", "confirmed")]
     assert found.stages["drive"].after < 1.3
+
+
+def test_rows_of_one_instant_of_a_loop_faster_than_its_log_stay_where_they_are() -> None:
+    fine = simulate(8.0, friction=(3.0, 3.0))
+    columns = {name: fine[name][::10] for name in fine.columns if name != "t"}
+    units = {name: fine.units[name] for name in columns}
+    slow = Record(columns, units, dt=10 * fine.dt, structure=HELD.name)
+    assert answers_in_its_row(slow)
+    assert misplaced(slow) is None
+    (same,), _ = in_step([slow], [], nominal(), HELD)
+    assert same is slow

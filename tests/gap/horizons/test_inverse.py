@@ -27,6 +27,7 @@ from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.joint.joint import Joint
+from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import INERTIA as ROTOR
 from tests.gap.horizons.rotor import datasheet
@@ -394,3 +395,24 @@ def test_friction_of_one_speed_is_told_as_either_law(arm: JointFile) -> None:
     for name, effect in told.items():
         assert effect.status == "tentative"
         assert DRAGS - {name} <= {*effect.confusable_with}
+
+
+def test_the_torque_of_a_voltage_shows_friction_and_weight() -> None:
+    """The back-EMF is no damping, and what r and k_t leave open of it is not told as such."""
+    rng = np.random.default_rng(4)
+    k_t, r, dt = 0.05, 2.0, 2e-3
+    values = {"I_m": 1e-4, "I_g": 0.0, "I_l": 0.0, "d_m": 0.0, "n": 1.0, "k_t": k_t, "r": r}
+    sheet = JointFile(JointParameters.from_values("motor", values))
+    t = dt * np.arange(10_000)
+    w = 2.0 * np.pi * np.array([0.11, 0.31, 0.83])
+    angle = np.outer(t, w) + rng.uniform(0.0, 2.0 * np.pi, 3)
+    q, dq = np.sin(angle) @ [1.5, 0.6, 0.2], np.cos(angle) @ (np.array([1.5, 0.6, 0.2]) * w)
+    ddq = -np.sin(angle) @ (np.array([1.5, 0.6, 0.2]) * w**2)
+    torque = 1e-4 * ddq + 2e-3 * np.sign(dq) + 8e-3 * np.sin(q)
+    v = r / k_t * torque + k_t * dq + 0.02 * rng.standard_normal(len(t))
+    told = Record({"t": t, "v": v, "q_m": q}, {"t": "s", "v": "V", "q_m": "rad"}, structure="rigid")
+    case = make_case([told], [], replace(sheet, drive="static"), get_structure("rigid"))
+    seen = seen_in_torque(case.joint, case.logs)
+    assert seen["coulomb"].values == pytest.approx((2e-3,), rel=0.05)
+    assert seen["gravity"].values == pytest.approx((0.0, 8e-3), abs=4e-4)
+    assert "damping" not in seen
