@@ -14,8 +14,13 @@ from cjt_gym.records.doubts import doubts
 
 SLOPE = 0.15
 """Least reported relative difference between a velocity and the slope of its angle."""
-GAIN = 0.25
-"""Relative difference between a current and its command above which it is reported."""
+GAIN = 0.05
+"""Relative difference between a current and its command above which it is reported: in 50 simulated
+logs and in two real drives that follow their commands it is below 0.005."""
+TORQUE = 0.25
+"""The same between a current and a torque, as the torque constant is known that well."""
+STEEPER = 0.25
+"""Relative difference by which a limited current follows small changes further than large ones."""
 SLOW = 32
 """Number of samples over which both are averaged to reduce the influence of lags and noise."""
 LINEAR = 0.98
@@ -78,17 +83,18 @@ def _is_told(view: View, angle: str, velocity: str) -> bool:
 def currents(view: View) -> list[str]:
     """Return sentences on contradictory currents, or torques that represent them."""
     gain = view.value("k_t") * view.ratio
-    pairs = [("i_cmd", "i", 1.0, "i_cmd")]
+    pairs = [("i_cmd", "i", 1.0, "i_cmd", GAIN)]
     if gain > 0.0:
-        pairs += [(a, b, gain, f"k_t n {a}") for a, b in (("i_cmd", "tau_cmd"), ("i", "tau_m"))]
+        torques = ("i_cmd", "tau_cmd"), ("i", "tau_m")
+        pairs += [(a, b, gain, f"k_t n {a}", TORQUE) for a, b in torques]
     found = []
-    for one, other, times, words in pairs:
+    for one, other, times, words, limit in pairs:
         if one not in view or other not in view:
             continue
         factor = _follows(view, one, other)
         off = None if factor is None else factor / times
         same = view.channels[one].unit == view.channels[other].unit
-        if off is not None and (same or times != 1.0) and abs(off - 1.0) > GAIN:
+        if off is not None and (same or times != 1.0) and abs(off - 1.0) > limit:
             found.append(f"{other} is {off:.3g} times {words}.")
     return found
 
@@ -108,7 +114,7 @@ def _follows(view: View, one: str, other: str) -> float | None:
     low = size <= np.quantile(size, SMALLEST)
     small = _factor(x[low], y[low], 0.0)
     flat, others = (_at_the_top(piece[name]) for name in (other, one))
-    limited = flat > max(FLAT, 2.0 * others) or (small or 0.0) > (1.0 + GAIN) * factor
+    limited = flat > max(FLAT, 2.0 * others) or (small or 0.0) > (1.0 + STEEPER) * factor
     return None if limited else factor
 
 
