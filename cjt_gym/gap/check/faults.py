@@ -10,6 +10,7 @@ from cjt_gym.gap.check.bus import LOOP, bus
 from cjt_gym.gap.check.clock import clock
 from cjt_gym.gap.check.contradictions import angles, coarser, currents, spring, velocities
 from cjt_gym.gap.check.encoders import angles_apart
+from cjt_gym.gap.check.energy import foreign
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
 from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
@@ -194,6 +195,7 @@ UNITS = "Map each channel with its unit, sign and side: --mapping."
 FACTOR = "Map that channel with its unit and side: --mapping."
 SLOPES = "Map the velocity with its unit and scale, or correct the times of the rows."
 ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
+OTHERS = "Map the torque of what else moves the joint as tau_l, or record its motor alone."
 FINER = "Record more motion, or a finer angle."
 SPECIFY = "State the noise of these sensors in the joint file, such as noise under [sensors.q_m]."
 LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
@@ -213,6 +215,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (lambda view: motion_and_torque(view)[0], ONE_INSTANT),
     (angles_apart, ONE_INSTANT),
     (_direction, TURN),
+    (foreign, OTHERS),
     (_tail, "Record motion to the end, or a second record to test on."),
     (_swing, ""),
 )

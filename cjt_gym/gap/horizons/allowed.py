@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, OTHERS, SLOPES
 from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
 from cjt_gym.gap.horizons.inverse import DRAGS, ONE_WAY
 from cjt_gym.gap.horizons.model import MEASURES
@@ -18,6 +18,7 @@ UNSOUND = {
     ONE_INSTANT: "channels of one row belong to different instants",
     SLOPES: "a velocity contradicts its angle, or the clock is wrong",
     FACTOR: "a channel seems to have another unit or side",
+    OTHERS: "something other than the motor moves the joint as well",
 }
 """Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
 VAGUELY = 0.1

@@ -102,6 +102,10 @@ def double_current(table: Table) -> Table:
     return table | {"i": 2.0 * table["i"]}
 
 
+def weak_current(table: Table) -> Table:
+    return table | {"i": 0.93 * table["i"]}
+
+
 def other_torque(table: Table) -> Table:
     return table | {"tau_cmd": 0.3 * table["i_cmd"]}
 
@@ -194,6 +198,7 @@ def stale(table: Table) -> Table:
         (velocity_beside_degrees, "q_m: its slope is 57.3 times dq_m, as if in deg."),
         (against_its_command, "i: sign turned (i follows i_cmd"),
         (double_current, "i is 2 times i_cmd."),
+        (weak_current, "i is 0.93 times i_cmd."),
         (other_torque, "tau_cmd is 3 times k_t n i_cmd."),
         (angle_over_again, "dq_m: is q_m over again rather than its slope."),
         (other_velocity, "dq_m: does not follow the slope of q_m."),
