@@ -52,6 +52,8 @@ MIRRORED = 1.5
 """Ratio of the friction in the two directions up to which both are nearly the same."""
 LEAST_LEVEL = 0.2
 """Least friction that remains at speed, relative to the additional friction at rest."""
+SCALES = frozenset({"inertia", "torque_constant"})
+"""Datasheet values that make up for heat of which the record does not tell when it began."""
 LATE = frozenset({"command_delay", "current_lag"})
 """Effects that cannot be separated from slow mechanics without a measured current."""
 ALIKE = 0.1
@@ -258,6 +260,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
     slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
     mimicked = term.name in MIMICS and removed <= MUCH
     strained = _strained(judged, term)
+    heated = term.name in SCALES and "thermal_derating" in names
     endless = term.name == "stribeck" and not _levelled(found.fit, index)
     doubts = (
         (bool(alike), f"{' or '.join(alike)} may take its place"),
@@ -267,6 +270,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
         (mimicked, "an error of the input or the angle may look like it"),
         (_is_unfelt(judged, term), "the torque does not show it"),
         (endless, LEVELLESS),
+        (heated, "how warm the motor was when the log began stays open"),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
         (is_unknown(worst_row(judged)), "this record does not tell how much stays unexplained"),
