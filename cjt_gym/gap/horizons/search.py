@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.found import Found, Held, worths_of
 from cjt_gym.gap.horizons.grow import beyond, extend, is_needed, leaves, priced
 from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.rivals import ALIKE, FIRST, rivals_of
-from cjt_gym.gap.horizons.starts import apart, begin, best_start, inverse_starts, seeded
+from cjt_gym.gap.horizons.starts import afresh, apart, begin, best_start, inverse_starts, seeded
 from cjt_gym.gap.horizons.worth import Worth, worth
 
 PATIENCE = 60_000_000
@@ -24,6 +24,8 @@ SWAPS = 2
 LOUDLY = 5.0
 """Multiple of its price by which a term that the record hardly shows must lower the cost on
 held-out data to be added: several terms are tried on them."""
+WITHIN = 0.5
+"""Rows up to which a dead time is none."""
 LATE, WARM, EDGE = "late", "warm", 0.02
 """Families of delays and lags, and of heat, and the relative distance within which a value is at
 its bound."""
@@ -62,6 +64,8 @@ def search(
     early = [t for t in terms if t.name == FIRST or (t.name == "gravity" and t.restated)]
     begun = [first, *(begin(problem, first, term) for term in early)]
     begun.append(seeded(problem, first, terms, suspects))
+    if problem.windows.logs[0].voltage:  # its back-EMF makes up for damping
+        begun += [afresh(problem, base, term) for term in terms if term.tight is not None]
     if problem.force:
         begun += inverse_starts(problem, base, terms)
         chosen = apart(begun, first)
@@ -162,13 +166,17 @@ def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:
     """Return whether a term ends at a bound that means that it stands for something else.
 
     A delay or lag after a measured current is then slow mechanics; where only the command was
-    recorded, the drive itself may be slow. Heat that fades as quickly as allowed is no heat.
+    recorded, the drive itself may be slow. Heat that fades as quickly as allowed is no heat, and a
+    delay of less than half a row may as well be the instant at which rows are written.
     """
     term, values = fit.model.terms[index], fit.model.values(fit.z)[index]
     if term.family == WARM:
         quick = term.numbers[-1]
         return values[-1] < (1.0 + EDGE) * quick.low
-    if problem.windows.logs[0].drive != "i":
+    log = problem.windows.logs[0]
+    if term.name == "command_delay" and values[0] < WITHIN * log.dt / log.rows:
+        return True
+    if log.drive != "i":
         return False
     return term.family == LATE and any(
         value < (1.0 + EDGE) * n.low if n.log else value > (1.0 - EDGE) * n.high

@@ -102,6 +102,16 @@ def begin(problem: Problem, fit: Fit, term: Term) -> Fit:
     return best_start(problem, model)
 
 
+def afresh(problem: Problem, base: Model, term: Term) -> Fit:
+    """Return a fit with a freed datasheet value that starts with all others at the datasheet's.
+
+    Once several values share what one of them lacks, no step leads back.
+    """
+    z = np.array([n.coordinate(n.start) for t in base.terms for n in t.numbers])
+    model, z = added(Fit(base, z, np.inf, []), term, term.nominal)
+    return problem.fit(model, z)
+
+
 def apart(begun: Sequence[Fit], base: Fit) -> list[Fit]:
     """Return the best of some fits, and the best of those with a clearly different inertia."""
     ordered = sorted(begun, key=lambda fit: priced(fit, base))

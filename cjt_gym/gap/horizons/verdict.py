@@ -250,13 +250,15 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
         value, nominal = scale * values[0], scale * term.nominal[0]
         if is_usual_offset(judged, term.name, value) or not term.told:
             continue
-        if known and not _is_far_off(judged, term, values[0]):
+        far = _is_far_off(judged, term, values[0])
+        if known and not far:
             if term.numbers[0].prior or _guessed(judged.case.joint, term):
                 continue
             if _is_unseen(judged, term):
                 continue
         within = term.name == "current_lag" and _within_a_row(judged, value, nominal)
-        if not within and abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
+        much = abs(value - nominal) > REFINED * max(abs(value), abs(nominal))
+        if not within and (much or far):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
     return f"{NAMELESS} {', '.join(said)}." if said else ""
 
