@@ -53,8 +53,6 @@ DERATING, WEAKER = 0.002, 0.2
 resistances, and the loss at the rms current from which a search starts."""
 WARMING, WINDINGS = (1.5, 4.0, 16.0), (1.0, 100.0)
 """Thermal time constants from which a search starts, and their range [s]: no winding is quicker."""
-MILD = (0.2, 1.0)
-"""Shares of that loss with which a search starts: of much heat one step finds no less."""
 AROUND = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions from which the search for a weight starts."""
 HOUSING = 1e3
@@ -253,7 +251,7 @@ def _derating(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     return [
         Term(
             "thermal_derating", (resistance, time), put, nominal=(low, WARMING[1]),
-            starts=tuple((k * usual, x) for k in MILD for x in WARMING),
+            starts=tuple((usual, x) for x in WARMING),
             family="warm", factor=UNLIKELY,
         )
     ]  # fmt: skip
