@@ -260,6 +260,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
     slight = worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price
     mimicked = term.name in MIMICS and removed <= MUCH
     strained = _strained(judged, term)
+    lagging = judged.case.logs[0].voltage and term.name not in LATE and bool(LATE & names)
     heated = term.name in SCALES and "thermal_derating" in names
     endless = term.name == "stribeck" and not _levelled(found.fit, index)
     doubts = (
@@ -270,6 +271,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
         (mimicked, "an error of the input or the angle may look like it"),
         (_is_unfelt(judged, term), "the torque does not show it"),
         (endless, LEVELLESS),
+        (lagging, "what delays its voltage stays open"),
         (heated, "how warm the motor was when the log began stays open"),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
