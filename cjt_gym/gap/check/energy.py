@@ -23,9 +23,9 @@ SPREAD = 4
 """Decades of inertia, on either side of the usual one, that are tried."""
 FOREIGN = 0.1
 """Least gain that is told, relative to all energy that the motor gives and takes. Sixty records of
-real joints that nothing else moves have at most 0.014, also with a weight and whatever their inertia
-is, and joints of arms of which others move up to 0.17; records with a person in an exoskeleton
-or with a second robot in contact have 0.12 to 0.97."""
+real joints that nothing else moves have at most 0.014, also with a weight and whatever their
+inertia is, and joints of arms of which others move up to 0.17; records with a person in an
+exoskeleton or with a second robot in contact have 0.12 to 0.97."""
 
 
 def foreign(view: View) -> list[str]:
