@@ -251,8 +251,7 @@ def _derating(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     return [
         Term(
             "thermal_derating", (resistance, time), put, nominal=(low, WARMING[1]),
-            starts=tuple((usual, x) for x in WARMING),
-            family="warm", factor=UNLIKELY,
+            starts=tuple((usual, x) for x in WARMING), family="warm", factor=UNLIKELY,
         )
     ]  # fmt: skip
 
