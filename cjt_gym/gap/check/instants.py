@@ -132,7 +132,7 @@ def misplaced(record: Record) -> tuple[str, int] | None:
 
 
 def _left_by_currents(record: Record, shares: Floats) -> dict[str, float]:
-    """Return what the motion's change of speed leaves of the currents that may cause it.
+    """Return what is left of the motion's change of speed beside each current that may cause it.
 
     Over two rows the speed changes by what the currents in between add. They are those of these
     rows if all of them are read after the command, else those of one row earlier; a fast current is

@@ -31,8 +31,8 @@ includes the noise of a measured current."""
 def bridged(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[str, ...]]:
     """Return records with their short gaps filled, and a sentence on each that had some.
 
-    A gap is filled where interpolation over one as long, tried in the rest of the record, gives the
-    inputs, and nothing else of the record is changed.
+    A gap is filled where interpolation over one as long, tried in the rest of the record,
+    reproduces the inputs. Nothing else of the record is changed.
     """
     kept, said = [], []
     for record in records:
@@ -61,7 +61,7 @@ def _longest(record: Record) -> float:
 
 
 def _is_slow(t: Floats, x: Floats, length: float) -> bool:
-    """Return whether interpolation over a time [s] gives a channel."""
+    """Return whether interpolation over a time [s] reproduces a channel."""
     known = np.isfinite(x)
     t, x = t[known], x[known]
     inside = (t > t[0] + length) & (t < t[-1] - length) if len(t) else known[:0]

@@ -291,7 +291,9 @@ class Selection:
         near = max(NEAR, NEAR_SHARE * (top - base))
         chosen = [f for f in quick[:SHORT_LIST] if evidence(self.problem, f) > top - near]
         first = quick[0].model.effects[-1]
-        if first.name == "damping":  # steps from no friction at all are long
+        series = self.problem.stages.setting.series
+        felt = "tau" in series and "tau" not in series.derived
+        if felt and first.name == "damping":  # steps from no friction at all are long
             dry = [f for f in quick if f.model.effects[-1].name == "coulomb"]
             chosen += [f for f in dry if f not in chosen]
         if first.family == "friction":
