@@ -27,6 +27,10 @@ STEEP = 3.0
 """Steps of a channel's lattice per sample over which one that stands still is stale."""
 FINE = 30.0
 """Steps of the lattice beside which two equal samples are no chance."""
+LONGEST_FREEZE, FREEZES = 100, 3
+"""Samples for which a channel may stand still and be called frozen, and how often it has to."""
+STEADY = 5
+"""Samples before and after it from which the speed there is taken."""
 SLOWEST = 100
 """Samples of the log, for one of the sensor, up to which a sensor is called slow."""
 
@@ -126,6 +130,34 @@ def stale(x: FloatArray) -> NDArray[np.bool_]:
     for k in np.flatnonzero(repeats):
         out[known[moves[k] + 2 : moves[k + 1] + 1]] = True
     return out
+
+
+def frozen(x: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples repeat an old one for long while the channel moves on unseen.
+
+    One jump after them makes up for all that was missed: it is as far as the speeds before and
+    after it lead in that time. A joint that sticks moves off from where it stood instead.
+    """
+    out = np.zeros(len(x), dtype=bool)
+    known = np.flatnonzero(np.isfinite(x))
+    if len(known) < FEWEST:
+        return out
+    y = x[known]
+    d = np.diff(y)
+    moves = np.flatnonzero(d != 0.0)
+    still = np.diff(moves) - 1
+    lattice, _ = _lattice(y)
+    for k in np.flatnonzero((still > LONGEST_GLITCH) & (still <= LONGEST_FREEZE)):
+        begin, end = int(moves[k]), int(moves[k + 1])
+        before, after = d[max(begin + 1 - STEADY, 0) : begin + 1], d[end + 1 : end + 1 + STEADY]
+        if len(before) < STEADY or len(after) < STEADY:
+            continue
+        rate = d[end] / (end - begin)
+        speeds = np.array([before.mean(), after.mean()]) / rate
+        if abs(rate) > STEEP * lattice and speeds.min() > 0.4 and speeds.max() < 2.5:
+            out[known[begin + 2 : end + 1]] = True
+    runs = int(np.sum(np.diff(out.astype(int), prepend=0) > 0))
+    return out if runs >= FREEZES else np.zeros(len(x), dtype=bool)
 
 
 def _more_than_chance(d: FloatArray, lattice: float) -> bool:

@@ -19,7 +19,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray, check_lengths
 from cjt_gym.records.columns import TRUE_PREFIX
 from cjt_gym.records.doubts import doubts
-from cjt_gym.records.glitches import glitches, held, stale, unwrapped
+from cjt_gym.records.glitches import frozen, glitches, held, stale, unwrapped
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair_notes import Repair, counted, share
 from cjt_gym.records.timing import Piece, ordered_rows
@@ -247,6 +247,9 @@ def _mark_stale(columns: Columns) -> list[Repair]:
                 repairs.append(Repair("stale", name, int(slow.sum()), True, text))
                 continue
         flagged[name] = stale(columns[name])
+    long = np.any([frozen(columns[name]) for name in flagged] or [[False]], axis=0)
+    for name, repeats in flagged.items():  # what froze one channel may have frozen others
+        repeats |= long & _same_rows({name: columns[name]})
     whole = _stale_rows(columns, flagged)
     if count := int(whole.sum()):
         for name in flagged:

@@ -228,10 +228,12 @@ class Problem:
         errors: Sequence[Floats],
         first: int = 0,
         known: Sequence[Floats] | None = None,
+        way: float = 1.0,
     ) -> list[Floats]:
         """Return the derivatives of the errors, each of shape (windows, points, n).
 
-        Those of the first `first` numbers may be given as `known`.
+        Those of the first `first` numbers may be given as `known`. With a `way` of -1 the
+        differences are taken towards smaller coordinates.
         """
         out = [np.zeros((*e.shape, len(z))) for e in errors]
         for k, columns in enumerate(known or ()):
@@ -239,7 +241,7 @@ class Problem:
         moves = []
         for j in range(first, len(z)):
             number = model.numbers[j]
-            step = number.step
+            step = way * number.step
             if number.value(z[j] + step) >= number.high or number.value(z[j]) >= number.high:
                 step = -step
             moved = z.copy()

@@ -18,6 +18,9 @@ from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 INTERVAL = 0.95
+BENT = 0.3
+"""Difference between the slopes to either side, relative to the larger or the usual one, from
+which a window jumps. Smooth windows differ by less than 0.01."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     Each piece of the record counts as one observation, so that correlated errors within a piece do
     not make the numbers look more certain than they are.
     """
-    jacobian = problem.jacobian(fit.model, fit.z, fit.errors)
+    jacobian = _slopes(problem, fit)
     hessian, _ = problem.normal(fit.model, fit.z, fit.errors, jacobian)
     size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
     scores, there = np.zeros((size, len(fit.z))), np.zeros(size, dtype=bool)
@@ -91,3 +94,18 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     inverse = np.linalg.pinv(hessian)
     factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
     return Spread(fit, inverse @ middle @ inverse, factor)
+
+
+def _slopes(problem: Problem, fit: Fit) -> list[Floats]:
+    """Return the derivatives of the errors, none in windows whose differences are no slopes.
+
+    A joint that sticks, or breaks away, on one side of a value alone makes a jump of a window,
+    which as a slope would claim that the record determines the value far better than it does.
+    """
+    up, down = (problem.jacobian(fit.model, fit.z, fit.errors, way=way) for way in (1.0, -1.0))
+    slopes = []
+    for ahead, behind in zip(up, down, strict=True):
+        size = np.maximum(np.abs(ahead), np.abs(behind)).max(axis=1)
+        bent = np.abs(ahead - behind).max(axis=1) > BENT * np.maximum(size, np.median(size, axis=0))
+        slopes.append(np.where(bent.any(axis=1)[:, None, None], 0.0, 0.5 * (ahead + behind)))
+    return slopes

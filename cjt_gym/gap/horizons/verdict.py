@@ -248,6 +248,8 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
     for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
         scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
         value, nominal = scale * values[0], scale * term.nominal[0]
+        if term.name == "gravity":  # fitted as a cos q + b sin q
+            value, nominal = math.hypot(*values), math.hypot(*term.nominal)
         if is_usual_offset(judged, term.name, value) or not term.told:
             continue
         far = _is_far_off(judged, term, values[0])
@@ -259,8 +261,18 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
         within = term.name == "current_lag" and _within_a_row(judged, value, nominal)
         much = abs(value - nominal) > REFINED * max(abs(value), abs(nominal))
         if not within and (much or far):
-            said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
+            said.append(_in_words(judged, term, value, nominal))
     return f"{NAMELESS} {', '.join(said)}." if said else ""
+
+
+def _in_words(judged: Judgement, term: Term, value: float, nominal: float) -> str:
+    """Return a refined value beside that of the datasheet, with its symbol and unit."""
+    symbol = "torque" if term.name == "gravity" else term.numbers[0].symbol
+    parameter = EFFECTS[term.name].parameter(symbol)
+    if parameter is None:  # a number of the fit alone
+        return f"{term.name} {value:.3g} for {nominal:.3g}"
+    unit = unit_on(parameter, judged.case.joint.parameters)
+    return f"{term.name} {symbol} {value:.3g} {unit} for {nominal:.3g}".replace(" - for", " for")
 
 
 def _is_far_off(judged: Judgement, term: Term, value: float) -> bool:

@@ -10,7 +10,7 @@ from cjt_gym.gap.stages.prune import SIMPLER
 NEAR = 25.0
 """Difference in evidence within which another explanation counts as nearly as good."""
 SHARE = 0.02
-"""The same as a share of the evidence that the explanation gained."""
+"""The same as a share of the evidence that speaks for the effect."""
 
 
 def rival_fits(found: Explanation, index: int) -> dict[str, Fit]:
@@ -21,7 +21,7 @@ def rival_fits(found: Explanation, index: int) -> dict[str, Fit]:
     problem, effects = found.problem, found.fit.model.effects
     rest = {e.key for k, e in enumerate(effects) if k != index}
     own = evidence(problem, found.fit)
-    limit = max(NEAR, SHARE * (own - evidence(problem, found.base)))
+    limit = max(NEAR, SHARE * found.needs[index].evidence)
     richer = _richer(effects[index].name)
     fits: dict[str, Fit] = {}
     for other in sorted(found.seen, key=lambda f: -evidence(problem, f)):

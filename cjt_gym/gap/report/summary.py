@@ -33,11 +33,11 @@ def summary(diagnosis: Diagnosis) -> str:
     after = f"after {percent(gap.after)}   " if refined else ""
     before = f"{'before ' if refined else ''}{percent(gap.before)}"
     lines += ["", f"gap on {kept}   {before}   {after}noise floor {noise_floor(gap)}"]
-    head = f"{'before':>10}{'after':>10}" if explained else f"{'residual':>10}"
+    head = f"{'before':>10}{'after':>10}" if refined else f"{'residual':>10}"
     lines += [f"{'stage':<14}{head}   (residual, 1 = noise)"]
     for name, stage in diagnosis.stages.items():
         if stage.before > 0.0 and name != "sensing":
-            lines.append(_stage(name, stage, explained))
+            lines.append(_stage(name, stage, refined))
     if explained:
         lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'evidence':>9}  parameters"]
         lines += [line for e in diagnosis.effects[:MOST_EFFECTS] for line in _row(e)]
@@ -59,8 +59,8 @@ def _sentences(text: str, most: int) -> list[str]:
     return lines[:most]
 
 
-def _stage(name: str, stage: StageGap, explained: bool) -> str:
-    after = f"{number(stage.after):>10}" if explained else ""
+def _stage(name: str, stage: StageGap, refined: bool) -> str:
+    after = f"{number(stage.after):>10}" if refined else ""
     mark = "  <- gap" if stage.significant else ""
     return f"{name:<14}{number(stage.before):>10}{after}{mark}"
 
