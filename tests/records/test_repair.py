@@ -259,6 +259,37 @@ def test_rows_that_repeat_while_the_joint_moves_are_marked() -> None:
     assert not (marked & ~same).any()
 
 
+def test_channels_that_freeze_while_the_joint_moves_on_are_marked() -> None:
+    columns = motion(samples=6000)
+    rng = np.random.default_rng(5)
+    frozen = np.zeros(6000, dtype=bool)
+    for begin in range(900, 5700, 300):
+        frozen[begin + 1 : begin + int(rng.integers(20, 50))] = True
+    newest = np.maximum.accumulate(np.where(frozen, 0, np.arange(6000)))
+    for name in ("q_m", "i"):  # the command goes on
+        columns[name] = columns[name][newest]
+    record, repairs = clean(as_record(columns))
+    assert kinds(repairs) >= {("stale", "q_m"), ("stale", "i")}
+    for name in ("q_m", "i"):
+        marked = np.isnan(record[name])
+        assert (marked & frozen).sum() > 0.5 * frozen.sum()
+        assert not (marked & ~frozen).any()
+
+
+def test_a_joint_that_sticks_is_not_frozen() -> None:
+    """It moves off from where it stood, however suddenly."""
+    columns = motion(samples=6000)
+    u = 2.0 * np.sin(2.0 * np.pi * 1.5 * columns["t"])
+    speed, q = 0.0, np.zeros(6000)
+    for k in range(1, 6000):
+        free = speed + 1e-3 * (u[k] * 300.0)
+        speed = free - np.clip(free, -0.45, 0.45)
+        q[k] = q[k - 1] + 1e-3 * speed
+    columns["q_m"] = 1e-5 * np.round(q / 1e-5)
+    assert (np.diff(columns["q_m"]) == 0.0).sum() > 500
+    assert ("stale", "q_m") not in kinds(clean(as_record(columns))[1])
+
+
 def test_a_sensor_slower_than_the_log_counts_only_where_it_is_new() -> None:
     columns = motion()
     columns["tau"] = np.repeat(columns["tau"][::8], 8)

@@ -18,9 +18,9 @@ from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 INTERVAL = 0.95
-BENT = 0.3
+BENT = 0.05
 """Difference between the slopes to either side, relative to the larger or the usual one, from
-which a window jumps. Smooth windows differ by less than 0.01."""
+which a window jumps. Of smooth ones most differ by 0.002."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,46 @@
+"""How sure the numbers of a fit are where windows of the record jump."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cjt_gym.gap.horizons.base_rows import base_terms
+from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.fit import Problem
+from cjt_gym.gap.horizons.grow import added
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.rows import candidates, scales_of
+from cjt_gym.gap.horizons.spread import spread_of
+from cjt_gym.joint import get_structure
+from cjt_gym.joint.quantity import Quantity
+from tests.gap.horizons.rotor import DRY, datasheet, record
+
+TOLERANCE = 0.1
+
+
+def test_the_motion_of_a_joint_that_sticks_does_not_tell_its_torque_constant() -> None:
+    """All torques may be larger in one ratio: only tolerances, of 10 % here, speak against it.
+
+    Near a stop the least change of one value alone decides whether the joint breaks away.
+    """
+    sheet = datasheet(1.0, tolerance=TOLERANCE)
+    constant = Quantity(1.0, "N m/A", "test", TOLERANCE)
+    sheet = replace(sheet, parameters=sheet.parameters.replace(k_t=constant))
+    case = make_case([record()], [], sheet, get_structure("rigid"))
+    scales = scales_of(case.joint, case.logs)
+    problem = Problem(case.fit)
+    base = problem.fit(Model(case.joint, base_terms(case.joint, scales)))
+    dry = next(t for t in candidates(case.joint, scales, case.logs) if t.name == "coulomb")
+    fit = problem.fit(*added(base, dry, (DRY,)))
+    found = spread_of(problem, fit)
+    names = [term.name for term in fit.model.terms]
+    ends = {name: found.intervals(names.index(name)) for name in ("torque_constant", "coulomb")}
+    constant_half, dry_half = (
+        0.5 * (x.high - x.low) / x.value for one in ends.values() for x in one.values()
+    )
+    # two tolerances, of inertia and torque constant, on one ratio: 10 % / sqrt(2) is a deviation
+    expected = found.factor * TOLERANCE / np.sqrt(2.0)
+    assert 0.5 * expected < constant_half < 1.5 * expected
+    assert 0.5 * expected < dry_half < 1.5 * expected
