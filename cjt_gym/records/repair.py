@@ -247,7 +247,9 @@ def _mark_stale(columns: Columns) -> list[Repair]:
                 repairs.append(Repair("stale", name, int(slow.sum()), True, text))
                 continue
         flagged[name] = stale(columns[name])
-    long = np.any([frozen(columns[name]) for name in flagged] or [[False]], axis=0)
+    long = np.zeros(_length(columns), dtype=bool)
+    for name in flagged:
+        long |= frozen(columns[name])
     for name, repeats in flagged.items():  # what froze one channel may have frozen others
         repeats |= long & _same_rows({name: columns[name]})
     whole = _stale_rows(columns, flagged)
