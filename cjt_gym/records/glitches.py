@@ -147,7 +147,10 @@ def frozen(x: FloatArray) -> NDArray[np.bool_]:
     moves = np.flatnonzero(d != 0.0)
     still = np.diff(moves) - 1
     lattice, _ = _lattice(y)
-    for k in np.flatnonzero((still > LONGEST_GLITCH) & (still <= LONGEST_FREEZE)):
+    long = still > LONGEST_GLITCH
+    if long.sum() > COMMON * len(still):  # the sensor is coarse or slower than the log
+        return out
+    for k in np.flatnonzero(long & (still <= LONGEST_FREEZE)):
         begin, end = int(moves[k]), int(moves[k + 1])
         before, after = d[max(begin + 1 - STEADY, 0) : begin + 1], d[end + 1 : end + 1 + STEADY]
         if len(before) < STEADY or len(after) < STEADY:
