@@ -132,6 +132,17 @@ def test_the_lattice_of_a_coarse_channel_is_found() -> None:
     assert lattice_step(x) == 0.0
 
 
+def test_the_lattice_of_a_fast_joint_is_found_where_few_values_are_a_step_apart() -> None:
+    """Nearly all distances are long, and every long distance is nearly a multiple of anything."""
+    t = np.arange(8000) * 1e-3
+    x = 2.0 * np.sin(2.0 * np.pi * 0.8 * t) + 1.5 * np.sin(2.0 * np.pi * 1.37 * t)
+    for step in (1e-5, 4e-5):
+        counts = np.diff(np.unique(np.round(x / step)))
+        assert np.mean(counts == 1.0) < 0.5
+        assert lattice_step(step * np.round(x / step)) == pytest.approx(step, rel=1e-6)
+    assert lattice_step(x + 1e-7 * np.random.default_rng(1).standard_normal(len(x))) == 0.0
+
+
 def test_a_shaft_that_turns_at_one_speed_shows_no_lattice() -> None:
     rng = np.random.default_rng(0)
     speed = 338.0 * (1.0 + 0.005 * rng.standard_normal(4000))

@@ -140,7 +140,11 @@ def high_frequency_std(
 
 
 ONCE = 0.9
-"""Shares of unique values and of distances of one step above which there is no lattice."""
+"""Share above which values are called unique, or distances multiples of a step."""
+SMALLEST = (0.05, 0.01)
+"""Quantiles of the distances that may be one step; fast motion leaves few of that size."""
+FAR = 10.0
+"""Steps up to which a distance tells whether it is a multiple."""
 
 
 def lattice_step(x: Floats) -> float:
@@ -158,11 +162,13 @@ def lattice_step(x: Floats) -> float:
     gaps = gaps[gaps > 1e-9 * scale]
     if gaps.size < 3:
         return 0.0
-    step = float(np.quantile(gaps, 0.05))
-    step = float(np.median(gaps[gaps < 1.5 * step]))
-    ratio = gaps / step
-    off = np.abs(ratio - np.round(ratio)) / np.maximum(1.0, np.round(ratio))
-    once = distinct.size > ONCE * x.size
-    if once and float(np.mean(np.round(ratio) == 1.0)) > ONCE:
-        return 0.0
-    return step if float(np.mean(off < 0.02)) > 0.9 else 0.0
+    for share in SMALLEST:
+        step = float(np.quantile(gaps, share))
+        step = float(np.median(gaps[gaps < 1.5 * step]))
+        ratio = gaps / step
+        if distinct.size > ONCE * x.size and float(np.mean(np.round(ratio) == 1.0)) > ONCE:
+            return 0.0
+        near = ratio[ratio < FAR]  # of long distances most are nearly whole multiples anyway
+        if float(np.mean(np.abs(near - np.round(near)) < 0.02 * np.maximum(near, 1.0))) > ONCE:
+            return step
+    return 0.0
