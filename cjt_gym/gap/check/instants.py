@@ -50,6 +50,9 @@ CLEARLY = 0.5
 """Largest mean square residual with the best shift, relative to that without a shift."""
 HEAVY = 0.5
 """Least inertia at the best shift, relative to that without a shift."""
+ONE_SINE = 0.3
+"""Relative residual of an acceleration that is proportional to the angle below which a motion is
+a single sine."""
 APART = 1.5
 """Least reported shift, in samples."""
 WHAT_TO_DO = "samples_late in the mapping puts its values into the rows of their instants"
@@ -280,6 +283,9 @@ def _shift(view: View) -> float | None:
     balance = view.motor
     if balance is None or view.motor_angle == "tau" or view.drive == "v":
         return None  # the motor inherently lags behind a voltage
+    a, motion = balance["a"], [balance["q"], balance["one"]]
+    if left_over(a, motion) < ONE_SINE * float(np.std(a)):
+        return None  # in a single sine a lag is damping, and friction that bends first looks late
     terms = [balance[name] for name in ("a", "v", "s", "one", "q")]
     if not view.records[0].prismatic:
         terms += [np.sin(balance["q"]), np.cos(balance["q"])]

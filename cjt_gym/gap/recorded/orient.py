@@ -55,6 +55,8 @@ SOUND = 0.1
 late torque follow the opposite sign as well."""
 EXPLAINED = 0.6
 """Share of the motor's torque that its equation must explain."""
+SWING = 0.3
+"""Travel above which a weight, which its file need not list, may act on the motor [rad]."""
 SMOOTH = 0.04
 """Time over which angles are smoothed for differentiation [s]."""
 MOST_LATE = 0.1
@@ -195,6 +197,7 @@ class _Motor:
     driving: str
     drive: Floats
     terms: dict[str, Floats]
+    weight: tuple[Floats, ...]  # what a weight on the joint adds, of either sign
 
     @classmethod
     def of(cls, channels: dict[str, Floats], dt: float) -> _Motor | None:
@@ -216,7 +219,8 @@ class _Motor:
             terms["tau"] = savgol_filter(channels["tau"], width, 3)
         if "tau_l" in channels:  # it accelerates the joint as the motor does, which may oppose it
             terms["tau_l"] = -savgol_filter(channels["tau_l"], width, 3)
-        return cls(driving, drive, terms)
+        heavy = "tau" not in channels and np.ptp(q) > SWING
+        return cls(driving, drive, terms, (np.sin(q), np.cos(q)) if heavy else ())
 
     def fit(self) -> tuple[dict[str, float], float]:
         """Return the factor of each term, and the share of the drive that they explain."""
@@ -225,16 +229,16 @@ class _Motor:
         share = 1.0 - np.var(self.drive - matrix @ factors) / max(np.var(self.drive), 1e-300)
         return dict(zip(self.terms, factors.tolist(), strict=False)), float(share)
 
-    def left(self, of_motion: float, of_torque: float) -> float:
+    def left(self, of_motion: float, of_torque: float, *, heavy: bool = False) -> float:
         """Return the unexplained share of the drive for given signs of angle and joint torque.
 
-        All factors are >= 0, as physics requires.
+        All factors are >= 0, as physics requires, but those of an offset and of a weight.
         """
         sign = {"tau": of_torque}
         columns = [sign.get(name, of_motion) * x for name, x in self.terms.items()]
-        columns += [np.ones_like(self.drive), -np.ones_like(self.drive)]
-        matrix = np.column_stack([x / max(float(np.std(x)), 1e-12) for x in columns[:-2]])
-        matrix = np.column_stack([matrix, *columns[-2:]])
+        columns = [x / max(float(np.std(x)), 1e-12) for x in columns]
+        either = (np.ones_like(self.drive), *(self.weight if heavy else ()))
+        matrix = np.column_stack([*columns, *either, *(-x for x in either)])
         rest = nnls(matrix, self.drive)[1] ** 2 / len(self.drive)
         return float(rest) / max(float(np.var(self.drive)), 1e-300)
 
@@ -245,7 +249,14 @@ class _Motor:
         left = {pair: self.left(*pair) for pair in product((1.0, -1.0), repeat=2)}
         if min(left.values()) > 1.0 - EXPLAINED:
             return []
-        return [Tie(self.driving, name, _clear(left, k), laws[k]) for k, name in enumerate(names)]
+        clear = [_clear(left, k) for k in range(len(names))]
+        if self.weight and clear[0] < 0.0:  # a weight that is lifted looks like a turned inertia
+            heavy = {pair: self.left(*pair, heavy=True) for pair in left}
+            clear[0] = min(_clear(heavy, 0), 0.0)
+        return [
+            Tie(self.driving, name, c, law)
+            for name, c, law in zip(names, clear, laws, strict=False)
+        ]
 
 
 def _clear(left: Mapping[tuple[float, ...], float], k: int) -> float:

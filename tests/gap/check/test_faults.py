@@ -270,6 +270,18 @@ def test_a_motion_of_other_instants_than_its_current_is_found(rows: int, said: s
     assert any(said in fault for fault in found), found
 
 
+def test_a_single_sine_does_not_show_instants() -> None:
+    """Inertia and damping make up for any lag of it; only friction's reversal would show one."""
+    t = np.arange(9000) * 1e-3
+    w = 2.0 * np.pi * 3.0
+    q = 0.1 * np.sin(w * t) + 0.0015 * np.sin(3.0 * w * t)
+    speed = np.gradient(q, t)
+    friction = 0.5 * np.tanh(20.0 * np.cos(w * (t + 0.008)))
+    torque = 0.02 * np.gradient(speed, t) + 0.1 * speed + friction
+    found = faults({"t": t, "q_m": q, "i": torque / joint().parameters.k_t})
+    assert not any("instants" in fault for fault in found), found
+
+
 def test_the_mapping_that_a_fault_asks_for_mends_it(tmp_path: Path) -> None:
     table = early(columns())
     np.savez(tmp_path / "log.npz", **table)
