@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.spread import Spread
+from cjt_gym.gap.stages.intervals import TENFOLD
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
-TENFOLD = 10.0
-"""Ratio of the ends of an interval above which the record leaves a value open."""
 STEP = 0.01
 """Step of a coordinate for finite-difference slopes, in units of its scale."""
 DIGITS = 8

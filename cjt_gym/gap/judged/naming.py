@@ -17,7 +17,13 @@ from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.explain import Explanation
 from cjt_gym.gap.stages.fit import Fit, Problem
 from cjt_gym.gap.stages.heldout import worth
-from cjt_gym.gap.stages.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
+from cjt_gym.gap.stages.intervals import (
+    Covariance,
+    at_an_end,
+    effect_intervals,
+    is_open,
+    may_be_nothing,
+)
 from cjt_gym.gap.stages.lateness import may_be_the_records
 from cjt_gym.gap.stages.leftover import status
 from cjt_gym.gap.stages.merit import MARGIN, evidence
@@ -123,6 +129,7 @@ def _doubt(
         (not held_out_shows, "held-out data do not prove it"),
         (may_be_nothing(effect, numbers), "its interval includes its absence"),
         (at_an_end(effect, numbers), "its number is at the end of its range"),
+        (is_open(effect, numbers), "its number may be ten times as large"),
         (undecided(setting, effect.name), "these channels do not tell it from another effect"),
         (
             may_be_the_records(effect.name, numbers, setting.series.dt),

@@ -15,6 +15,8 @@ from cjt_gym.joint.arrays import Floats
 
 BLOCKS = 40
 NORMAL = 1.96
+TENFOLD = 10.0
+"""Ratio of the ends of an interval above which a record leaves a value open."""
 INFLATION = 2.0
 """Factor for model error, which the covariance of a fit cannot account for."""
 EXACT, EXACT_SHAPE = 0.0025, 0.025
@@ -96,6 +98,14 @@ def may_be_nothing(effect: Candidate, intervals: Mapping[str, Interval]) -> bool
     sizes = [unknown for unknown in effect.unknowns if not unknown.shape]
     pairs = [(unknown.start, intervals[unknown.symbol]) for unknown in sizes]
     return bool(pairs) and all(known.low <= none <= known.high for none, known in pairs)
+
+
+def is_open(effect: Candidate, intervals: Mapping[str, Interval]) -> bool:
+    """Return whether the one number of an effect is known to no better than a factor of ten."""
+    if len(effect.unknowns) != 1 or not effect.unknowns[0].log:
+        return False
+    known = intervals[effect.unknowns[0].symbol]
+    return known.high > TENFOLD * known.low
 
 
 def at_an_end(effect: Candidate, intervals: Mapping[str, Interval]) -> bool:
