@@ -10,6 +10,7 @@ import pytest
 from cjt_gym.blind import draw_case, write_case
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.joint import JointFile, Structure, get_structure, load_joint_file
+from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record, read_record
 
 Blind = tuple[Record, JointFile, Structure]
@@ -88,6 +89,20 @@ def test_a_drive_without_a_spring() -> None:
     oriented, repairs = orient(turned(record, "q_m"), joint, structure)
     assert [repair.channel for repair in repairs] == ["q_m"]
     assert np.array_equal(oriented["q_m"], record["q_m"])
+
+
+@pytest.mark.parametrize("swing", [1.2, 0.2], ids=["far", "a little"])
+def test_a_weight_that_is_lifted_does_not_turn_a_sign(swing: float) -> None:
+    """Slow motion against a weight looks like an inertia of the other sign."""
+    t = np.arange(10000) * 2e-3
+    q = swing * (np.sin(2.0 * np.pi * 0.31 * t) + 0.4 * np.sin(2.0 * np.pi * 0.47 * t))
+    speed = np.gradient(q, t)
+    torque = 0.01 * np.gradient(speed, t) + 2.0 * np.sin(q) + 0.1 * np.tanh(20.0 * speed)
+    columns = {"t": t, "q_m": q, "i": torque / 0.1}
+    record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    values = {"I_m": 0.01, "I_g": 0.0, "I_l": 0.0, "n": 1.0, "k_t": 0.1}
+    sheet = JointFile(JointParameters.from_values("arm", values))
+    assert orient(record, sheet, get_structure("rigid"))[0] is record
 
 
 def test_a_motor_that_brakes_what_a_measured_load_moves() -> None:

@@ -55,7 +55,7 @@ SOUND = 0.1
 late torque follow the opposite sign as well."""
 EXPLAINED = 0.6
 """Share of the motor's torque that its equation must explain."""
-SWING = 0.3
+SWING = 0.05
 """Travel above which a weight, which its file need not list, may act on the motor [rad]."""
 SMOOTH = 0.04
 """Time over which angles are smoothed for differentiation [s]."""
@@ -100,7 +100,7 @@ def orient(
     """
     channels = _filled(shown_by or record)
     ties = [*_following(channels, structure, record.dt), *_spring(channels, structure)]
-    motor = _Motor.of(channels, record.dt)
+    motor = _Motor.of(channels, record.dt, joint.parameters.axis)
     if motor is not None:
         ties += motor.ties()
     turned = _turned(ties)
@@ -200,7 +200,7 @@ class _Motor:
     weight: tuple[Floats, ...]  # what a weight on the joint adds, of either sign
 
     @classmethod
-    def of(cls, channels: dict[str, Floats], dt: float) -> _Motor | None:
+    def of(cls, channels: dict[str, Floats], dt: float, axis: str) -> _Motor | None:
         driving = next((name for name in DRIVING if name in channels), None)
         if driving is None or "q_m" not in channels:
             return None
@@ -219,7 +219,7 @@ class _Motor:
             terms["tau"] = savgol_filter(channels["tau"], width, 3)
         if "tau_l" in channels:  # it accelerates the joint as the motor does, which may oppose it
             terms["tau_l"] = -savgol_filter(channels["tau_l"], width, 3)
-        heavy = "tau" not in channels and np.ptp(q) > SWING
+        heavy = axis == "rotary" and "tau" not in channels and np.ptp(q) > SWING
         return cls(driving, drive, terms, (np.sin(q), np.cos(q)) if heavy else ())
 
     def fit(self) -> tuple[dict[str, float], float]:
