@@ -20,7 +20,7 @@ from cjt_gym.console.options import (
     structures_of,
     tell_effects,
 )
-from cjt_gym.datasheet import FORMATS, check_format, write_sheet
+from cjt_gym.datasheet import FORMATS, check_out, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
 from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import Joint
@@ -54,12 +54,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Analyse, write the sheet, and print the figures where they are asked for."""
     check_joint(options.joints)
     check_seed(options.seed)
-    if options.out is None and not options.json:
-        raise ConfigurationError(
-            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers only."
-        )
-    if options.out is not None:
-        check_format(options.out)
+    check_out(options.out, optional=options.json)
     if options.identify is not None and (options.input, options.output) != ("tau_m", "tau"):
         raise ConfigurationError(
             "--identify measures from tau_m to tau; leave --input and --output at them."

@@ -37,19 +37,8 @@ def run(options: argparse.Namespace) -> Answer:
     for joint in load.joints:
         cells = (f"{joint.frames:.0f}", f"{joint.bits / 1e3:.1f}", f"{100.0 * joint.share:.1f} %")
         text += form.format(joint.name, joint.protocol, joint.node, *cells)
-    return _plain(load), text + _words(load)
-
-
-def _plain(load: BusLoad) -> dict[str, object]:
-    return {
-        "joints": [asdict(joint) for joint in load.joints],
-        "rate_hz": load.rate_hz,
-        "bitrate": load.bitrate,
-        "data_bitrate": load.data_bitrate,
-        "share": load.share,
-        "most_hz": load.most_hz,
-        "saturating": load.saturating,
-    }
+    derived = {name: getattr(load, name) for name in ("share", "most_hz", "saturating")}
+    return asdict(load) | derived, text + _words(load)
 
 
 def _words(load: BusLoad) -> str:

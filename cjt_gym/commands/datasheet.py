@@ -7,8 +7,7 @@ from pathlib import Path
 
 from cjt_gym.console import Answer
 from cjt_gym.console.options import add_joint, check_joint
-from cjt_gym.datasheet import FORMATS, check_format, make_sheet, quantities, write_sheet
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.datasheet import FORMATS, check_out, make_sheet, quantities, write_sheet
 from cjt_gym.joint import load_joint_file
 
 
@@ -22,12 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Write the sheet, and print its numbers where they are asked for."""
     check_joint(options.joints)
-    if options.out is None and not options.json:
-        raise ConfigurationError(
-            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers only."
-        )
-    if options.out is not None:
-        check_format(options.out)
+    check_out(options.out, optional=options.json)
     files = [load_joint_file(name) for name in options.joints]
     written: tuple[Path, ...] = ()
     if options.out is not None:

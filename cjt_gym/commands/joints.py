@@ -103,20 +103,15 @@ def _record(name: str) -> dict[str, Any]:
 
 
 def _effect(row: Effect) -> dict[str, Any]:
-    pairs = [
-        (structure.name, drive)
-        for structure in STRUCTURES.values()
-        for drive in DRIVES
-        if row.acts_in(structure, drive)
-    ]
+    shapes = STRUCTURES.values()
     return {
         "name": row.name,
         "stage": row.stage,
         "summary": row.summary,
         "source": row.source,
         "needs": PLACES[row.needs],
-        "structures": list(dict.fromkeys(structure for structure, _ in pairs)),
-        "drives": [name for name in DRIVES if any(drive == name for _, drive in pairs)],
+        "structures": [s.name for s in shapes if any(row.acts_in(s, drive) for drive in DRIVES)],
+        "drives": [drive for drive in DRIVES if any(row.acts_in(s, drive) for s in shapes)],
         "bodies": list(row.bodies),
         "channels": list(row.channels),
         "excludes": list(row.excludes),

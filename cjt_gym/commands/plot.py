@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.console import Answer
 from cjt_gym.console.logs import gear_ratio_of, read_own
 from cjt_gym.disk import refuse_inputs
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.records import Record, is_record, read_log
 
 SUFFIXES = (".html", ".png", ".svg", ".pdf")
@@ -45,8 +45,7 @@ def run(options: argparse.Namespace) -> Answer:
     ]
     known = {name for trace in traces for name in trace.record.columns if name != "t"}
     for name in options.columns or ():
-        if name not in known:
-            raise unknown_name(f"column of {', '.join(options.records)}", name, sorted(known))
+        check_name(f"column of {', '.join(options.records)}", name, sorted(known))
     columns = write_plot(traces, options.columns, options.out)
     result = {"plot": str(options.out), "records": options.records, "columns": columns}
     return result, f"{options.out}: {', '.join(columns)}"

@@ -34,13 +34,10 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def _told(card: Card) -> str:
-    parts = {
-        "trained on": card.trained_on,
-        "tested on": card.tested_on,
-        "fails": card.fails,
-    }
     lines = [f"{card.name}: {card.summary}"]
-    for title, text in parts.items():
-        lines += ["", f"{title}:", *textwrap.wrap(text, WIDTH, initial_indent="  ",
-                                                  subsequent_indent="  ")]  # fmt: skip
+    for name in ("trained_on", "tested_on", "fails"):
+        lines += ["", f"{name.replace('_', ' ')}:"]
+        lines += textwrap.wrap(
+            getattr(card, name), WIDTH, initial_indent="  ", subsequent_indent="  "
+        )
     return "\n".join(lines) + "\n"

@@ -17,7 +17,7 @@ from cjt_gym.disk import write_bytes, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import JointFile
 
-__all__ = ["FORMATS", "check_format", "make_sheet", "quantities", "write_sheet"]
+__all__ = ["FORMATS", "check_format", "check_out", "make_sheet", "quantities", "write_sheet"]
 
 FORMATS = (".pdf", ".html", ".png")
 MOST = 6  # joints that colours keep apart
@@ -59,6 +59,16 @@ def check_format(path: str | Path) -> str:
             f"The file to write must end in {', '.join(FORMATS)}, got '{Path(path).name}'."
         )
     return ending
+
+
+def check_out(path: Path | None, *, optional: bool) -> None:
+    """Refuse a command that names no file to write, or one of another format."""
+    if path is not None:
+        check_format(path)
+    elif not optional:
+        raise ConfigurationError(
+            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers only."
+        )
 
 
 def write_sheet(sheet: Sheet, path: str | Path) -> tuple[Path, ...]:

@@ -171,19 +171,13 @@ def _parameters(effect: Effect) -> str:
 
 
 def _place(effect: Effect) -> str:
-    pairs = {
-        (structure.name, drive)
-        for structure in STRUCTURES.values()
-        for drive in DRIVES
-        if effect.acts_in(structure, drive)
-    }
-    structures = [name for name in STRUCTURES if any(s == name for s, _ in pairs)]
-    drives = [name for name in DRIVES if any(d == name for _, d in pairs)]
-    if len(structures) == len(STRUCTURES) and len(drives) == len(DRIVES):
+    if not effect.needs:
         return "every structure, with every drive"
-    if len(structures) == len(STRUCTURES):
-        return f"{PLACES[effect.needs]}, in every structure"
-    return f"{PLACES[effect.needs].split(' (')[0]}: {', '.join(f'`{s}`' for s in structures)}"
+    place = PLACES[effect.needs]
+    able = [name for name, row in STRUCTURES.items() if any(effect.acts_in(row, d) for d in DRIVES)]
+    if len(able) == len(STRUCTURES):
+        return f"{place}, in every structure"
+    return f"{place.split(' (')[0]}: {', '.join(f'`{name}`' for name in able)}"
 
 
 def _figure_path(name: str) -> Path:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from cjt_gym.errors import check_name
 from cjt_gym.training.gpu.host import HostEpisodes
 
 __all__ = ["HostEpisodes", "make_episodes"]
@@ -24,12 +25,9 @@ def make_episodes(num_envs: int, device: str = "cpu", **arguments: Any) -> Any:
         ConfigurationError: There is no CUDA device, or an argument is not valid.
         UnknownNameError: The device is neither of the two.
     """
-    from cjt_gym.errors import unknown_name
-
+    check_name("device", device, ("cpu", "cuda"))
     if device == "cpu":
         return HostEpisodes(num_envs, **arguments)
-    if device != "cuda":
-        raise unknown_name("device", device, ("cpu", "cuda"))
     from cjt_gym.training.gpu.device import DeviceEpisodes
 
     return DeviceEpisodes(num_envs, **arguments)
