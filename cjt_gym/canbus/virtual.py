@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import final
 
@@ -82,17 +83,15 @@ class Frames:
     """Prints the first frames sent in a dry run, and counts all."""
 
     def __init__(self) -> None:
-        self.count = 0
-        self.by_id: dict[int, int] = {}
+        self.by_id: Counter[int] = Counter()
 
     def __call__(self, t: float, message: can.Message) -> None:
         """Take a frame that is sent at a time [s]."""
-        self.count += 1
         identifier = message.arbitration_id
-        self.by_id[identifier] = self.by_id.get(identifier, 0) + 1
-        if self.count <= SHOWN:
+        self.by_id[identifier] += 1
+        if (count := self.by_id.total()) <= SHOWN:
             width = 8 if message.is_extended_id else 3
             kind = "remote" if message.is_remote_frame else message.data.hex(" ")
             sys.stderr.write(f"{t * 1e3:10.3f} ms  {identifier:0{width}X}  {kind}\n")
-        elif self.count == SHOWN + 1:
+        elif count == SHOWN + 1:
             sys.stderr.write("...\n")

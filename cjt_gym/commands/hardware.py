@@ -92,7 +92,7 @@ def _run(options: argparse.Namespace) -> dict[str, Any]:
         ]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
-        return {"frames": frames.count, "by_id": text}
+        return {"frames": frames.by_id.total(), "by_id": text}
     if options.benchmark is not None:
         return {"records": results, "rows": _compare(configs, options)}
     return results[0] if options.experiment is None else {"records": results}

@@ -16,7 +16,7 @@ from can import Message
 from canopen import LocalNode, Network
 from canopen.sdo.exceptions import SdoAbortedError
 
-from cjt_gym.canbus.protocols.cia402 import HEARTBEAT, SYNC, Cia402Master
+from cjt_gym.canbus.protocols.cia402 import HEARTBEAT, RPDO, SYNC, TPDOS, Cia402Master
 from cjt_gym.canbus.protocols.cia402_objects import (
     CST,
     OBJECTS,
@@ -46,8 +46,6 @@ CODES: Final = {
     Fault.OTHER: 0x1000,
 }
 VOLTAGE_AND_REMOTE: Final = 0x210
-RPDOS: Final = tuple(pdo for pdo in PDOS if pdo.to_drive)
-TPDOS: Final = tuple(pdo for pdo in PDOS if not pdo.to_drive)
 
 
 @dataclass(frozen=True)
@@ -262,15 +260,15 @@ class Cia402Firmware(Firmware):
             self._outbox.send(frame_of(setting.identifier & 0x7FF, data))
 
     def _take(self, identifier: int, data: bytearray) -> None:
-        for setting in map(self._setting, RPDOS):
-            if setting.identifier == identifier:
-                at = 0
-                for index, sub, size in setting.objects:
-                    try:
-                        self._node.set_data(index, sub, bytes(data[at : at + size]))
-                    except SdoAbortedError:
-                        return
-                    at += size
+        setting = self._setting(RPDO)
+        if setting.identifier != identifier:
+            return
+        for index, sub, size in setting.objects:
+            try:
+                self._node.set_data(index, sub, bytes(data[:size]))
+            except SdoAbortedError:
+                return
+            data = data[size:]
 
 
 def _limited(value: float, bits: int) -> int:
