@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.records import Record
@@ -45,9 +46,16 @@ def drag(effects: Mapping[str, Mapping[str, Any]], speed: float, tau_m: float = 
         tau_m: Motor torque [N m].
     """
     bench = joint(effects, d_gl=200.0, d_m=0.0, d_g=0.0)
+    return float(np.mean(turning(bench, speed, 3000, tau_m)["true_tau"][-100:]))
+
+
+def turning(
+    bench: Joint, speed: float, samples: int, tau_m: float = 0.0, dt_physics: float = H
+) -> Record:
+    """Simulate a joint whose output turns at constant speed [rad/s], as all bodies do at first."""
     x0 = np.array([0.0, 0.0, 0.0, speed, speed, speed])
-    record = bench.simulate(np.full(3000, tau_m), np.full(3000, speed), x0=x0, dt_physics=H)
-    return float(np.mean(record["true_tau"][-100:]))
+    inputs = np.full(samples, tau_m), np.full(samples, speed)
+    return bench.simulate(*inputs, x0=x0, dt_physics=dt_physics)
 
 
 def blocked(bench: Joint, tau_m: Floats, dt: float = 1e-3, **more: Any) -> Record:
@@ -125,9 +133,5 @@ def degrees(values: Complexes) -> Floats:
 
 def density(x: Floats, dt: float, window: int) -> tuple[Floats, Floats]:
     """Return frequencies [Hz] and the one-sided power spectral density of x (Welch, Hann)."""
-    pieces = np.lib.stride_tricks.sliding_window_view(x, window)[:: window // 2]
-    taper = np.hanning(window)
-    spectra = np.abs(np.fft.rfft(pieces * taper, axis=1)) ** 2
-    power = 2.0 * dt * spectra.mean(axis=0) / float(np.sum(taper**2))
-    f = np.fft.rfftfreq(window, dt)
-    return np.asarray(f[2:-1], dtype=np.float64), np.asarray(power[2:-1], dtype=np.float64)
+    f, power = welch(x, 1.0 / dt, np.hanning(window), detrend=False)
+    return f[2:-1], power[2:-1]

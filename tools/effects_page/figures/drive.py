@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from tools.effects_page.bench import Floats, blocked, degrees, fourier, joint
+from tools.effects_page.bench import Floats, blocked, degrees, fourier, joint, turning
 from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
@@ -175,9 +175,7 @@ def voltage_saturation() -> Figure:
             wanted = np.clip(limit, None, PEAK) if way > 0 else np.clip(limit, -PEAK, None)
             axes["a"].plot(fine, K * wanted, color=color, lw=0.9)
             for speed in speeds:
-                x0 = np.array([0.0, 0.0, 0.0, speed, speed, speed])
-                command = np.full(200, way * K * PEAK)
-                record = bench.simulate(command, np.full(200, speed), x0=x0, dt_physics=1e-4)
+                record = turning(bench, speed, 200, way * K * PEAK)
                 axes["a"].plot(speed, K * record["true_i"][-1], **POINTS, color=color)
         axes["a"].plot([], [], color=color, marker="o", ms=3.4, label=f"v_0 = {supply:g} V")
         free = joint(effects, "rigid", "static", I_l=0.2)

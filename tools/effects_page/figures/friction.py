@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tools.effects_page.bench import Floats, blocked, drag, joint
+from tools.effects_page.bench import Floats, blocked, drag, joint, turning
 from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
@@ -118,11 +118,7 @@ def viscous_asym() -> Figure:
     for color, extra in ((GREY, 0.0), (BLUE, down - up)):
         effects = {"viscous_asym": {"d_m_n": 0.0036 + extra}}
         bench = joint(effects, d_gl=200.0)
-        taus = []
-        for v in speeds:
-            x0 = np.array([0.0, 0.0, 0.0, v, v, v])
-            record = bench.simulate(np.zeros(600), np.full(600, v), x0=x0, dt_physics=1e-4)
-            taus.append(-record["true_tau"][-100:].mean())
+        taus = [-turning(bench, v, 600)["true_tau"][-100:].mean() for v in speeds]
         name = "2.2 / 2.2 N m s/rad" if extra == 0.0 else "2.2 / 5.9 N m s/rad"
         axes["a"].plot(speeds, taus, **POINTS, color=color, label=name)
         law = np.where(speeds > 0, up + 0.0036, up + 0.0036 + extra) * speeds

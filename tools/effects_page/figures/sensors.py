@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cjt_gym.records import Record
-from tools.effects_page.bench import Floats, blocked, joint
+from tools.effects_page.bench import Floats, blocked, joint, turning
 from tools.effects_page.plot import plot
 from tools.effects_page.style import (
     BLUE,
@@ -237,13 +237,7 @@ def eccentricity() -> Figure:
     figure, axes = mosaic("ab")
     law = {"q_l": 5e-4, "q_m": 1e-4, "phase": 0.5, "turns": 8.0}
     bench = joint({"eccentricity": law}, d_m=0.0, d_g=0.0)
-    speed, samples = 1.0, 6284
-    record = bench.simulate(
-        np.zeros(samples),
-        np.full(samples, speed),
-        x0=np.array([0.0, 0.0, 0.0, speed, speed, speed]),
-        dt_physics=1e-3,
-    )
+    record = turning(bench, 1.0, 6284, dt_physics=1e-3)
     fine = np.linspace(0.0, 360.0, 361)
     angle = np.radians(fine)
     for color, name, size, turns in ((BLUE, "q_l", 5e-4, 1.0), (RED, "q_m", 1e-4, 8.0)):

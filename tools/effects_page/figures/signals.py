@@ -19,6 +19,7 @@ from tools.effects_page.bench import (
     joint,
     multisine,
     tones,
+    turning,
 )
 from tools.effects_page.plot import plot
 from tools.effects_page.style import (
@@ -119,8 +120,7 @@ def channel_delay() -> Figure:
     label(axes["b"], "frequency [Hz]", "phase [deg]", "measured per true", "lower left")
     speed = 2.0
     turn = joint(effects, d_m=0.0, d_g=0.0)
-    x0 = np.array([0.0, 0.0, 0.0, speed, speed, speed])
-    record = turn.simulate(np.zeros(40), np.full(40, speed), DT, x0=x0, dt_physics=1e-4)
+    record = turning(turn, speed, 40)
     t = 1e3 * record["t"]
     for color, channel in ((BLUE, "q_m"), (RED, "q_l")):
         error = 1e3 * (record[channel] - record[f"true_{channel}"])
