@@ -84,14 +84,12 @@ def _tries(parts: Sequence[Part], model: SampledJoint) -> list[dict[str, float]]
 
 def _parts(word: str) -> tuple[Part, ...]:
     """Return the parts that a word names."""
-    parts = tuple(_part(name, word) for name in word.split(JOINED))
+    names = word.split(JOINED)
+    for name in names:
+        check_name(f"part of the controller {word}", name, PARTS)
+    parts = tuple(PARTS[name] for name in names)
     _check(parts, word)
     return parts
-
-
-def _part(name: str, word: str) -> Part:
-    check_name(f"part of the controller {word}", name, PARTS)
-    return PARTS[name]
 
 
 def _check(parts: Sequence[Part], word: str) -> None:

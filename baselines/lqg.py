@@ -14,38 +14,30 @@ from functools import lru_cache
 import numpy as np
 
 from cjt_gym.baselines.entry import FIXED, Gain
-from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble
+from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.kalman import kalman_filter
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.baselines.state_feedback import (
-    Feedback,
-    quadratic_feedback,
-    reference_and_commands,
-)
+from cjt_gym.baselines.state_feedback import Feedback, quadratic_feedback, reference_and_commands
 
 
-def observed_feedback(feedback: Feedback, observer: LinearObserver) -> Block:
-    """Return - k x^ - d^ as a block; the observer's first estimates are states, then d^.
+def observed_law(feedback: Feedback, observer: LinearObserver) -> LinearLaw:
+    """Return the law of the module; the observer's first estimates are the states x^.
 
     The disturbance adds to the commands on their way too, whose gains are those of `feedback`.
     """
-    row = np.zeros(len(observer.names))
-    n = len(feedback.states)
-    row[:n] = -feedback.states
-    row[observer.names.index("disturbance")] = -1.0 - float(np.sum(feedback.commands))
-    return observer.weighted(row)
+    states = dict(zip(observer.names, -feedback.states, strict=False))
+    gain = -1.0 - float(np.sum(feedback.commands))
+    estimate = observer.block(**states, disturbance=gain)
+    return assemble(observer.dt, *reference_and_commands(feedback), estimate)
 
 
 def lqg_law(model: SampledJoint, effort: float, drift: float) -> LinearLaw:
     """Return the law; see the module, and the row for its gains."""
     feedback = quadratic_feedback(model, effort, 0.0)
     step = drift * float(model.loop.scatter[0])
-    observer = _observer(model, step)
-    return assemble(
-        model.dt, *reference_and_commands(feedback), observed_feedback(feedback, observer)
-    )
+    return observed_law(feedback, _observer(model, step))
 
 
 @lru_cache(maxsize=64)

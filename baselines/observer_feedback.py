@@ -12,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.baselines.entry import FIXED, Gain
-from cjt_gym.baselines.linear_law import LinearLaw, assemble
+from cjt_gym.baselines.linear_law import LinearLaw
 from cjt_gym.baselines.linear_row import linear_row
-from cjt_gym.baselines.lqg import observed_feedback
+from cjt_gym.baselines.lqg import observed_law
 from cjt_gym.baselines.observers.extended_state import designed
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.baselines.state_feedback import placed_feedback, reference_and_commands
+from cjt_gym.baselines.state_feedback import placed_feedback
 
 
 def observer_feedback_law(
@@ -27,10 +27,7 @@ def observer_feedback_law(
     w = 2.0 * np.pi * bandwidth_hz
     mode = w * complex(-damping, np.sqrt(1.0 - damping**2))
     feedback = placed_feedback(model, [mode, mode.conjugate(), *_others(model)])
-    observer = designed(model, observer_hz)
-    return assemble(
-        model.dt, *reference_and_commands(feedback), observed_feedback(feedback, observer)
-    )
+    return observed_law(feedback, designed(model, observer_hz))
 
 
 def _others(model: SampledJoint) -> list[complex]:

@@ -79,10 +79,6 @@ def _position_tries(model: SampledJoint) -> Tries:
     return {"position_kp": stiffness, "position_kd": damper(model, (0.0, 0.1, 0.2, 0.4))}
 
 
-def _damping_block(model: SampledJoint, gains: Gains) -> Block:
-    return static(dq_m=-gains["damping"], dq_l=gains["damping"])
-
-
 def _observer_tries(name: str) -> Callable[[SampledJoint], Tries]:
     return lambda model: {name: (0.2, 2.0, 5.0, 10.0, 20.0, 40.0)}
 
@@ -142,7 +138,7 @@ ROWS = (
         FEEDBACK,
         "a damper beside the spring, - damping (dq_m - dq_l)",
         (Gain("damping", "N m s/rad", 0.0, 1000.0),),
-        _damping_block,
+        lambda model, gains: static(dq_m=-gains["damping"], dq_l=gains["damping"]),
         lambda model: {"damping": damper(model, (0.0, 0.1, 0.2, 0.4))},
     ),
     Part("reference", FORWARD, "r", (), lambda model, gains: static(reference=1.0)),

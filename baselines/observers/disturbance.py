@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.baselines.linear_law import MEASURED, SIGNALS, Block, through, total
+from cjt_gym.baselines.linear_law import MEASURED, SIGNALS, through, total
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.observers.model import mechanics_for, output_row
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -34,25 +34,6 @@ from cjt_gym.baselines.rational import (
     zeros_text,
 )
 from cjt_gym.errors import ConfigurationError, check_name
-
-
-def observer_block(
-    plant: Rational, cutoff_hz: float, delay: int, dt: float, what: str, **signal: float
-) -> Block:
-    """Return the estimate as a block.
-
-    Args:
-        plant: P, from motor torque to the signal.
-        cutoff_hz: Cut-off of Q [Hz].
-        delay: Of the loop [samples].
-        dt: Sample time [s].
-        what: What P is, for errors.
-        signal: The measured signal, as weights of `SIGNALS`.
-    """
-    order = max(plant.relative_order, 1)
-    inverse = tustin(inverse_times(plant, low_pass(order, cutoff_hz), what), dt)
-    late = delayed(held_low_pass(order, cutoff_hz, dt), delay)
-    return total([through(inverse, **signal), through(late, -1.0, command=1.0)])
 
 
 def disturbance_observer(
@@ -81,9 +62,12 @@ def disturbance_observer(
         )
     row = output_row(output, model.mechanics.fixed)
     signal = {name: float(w) for name, w in zip(SIGNALS, row, strict=True) if w != 0.0}
-    block = observer_block(plant, cutoff_hz, model.loop.delay, model.dt, what, **signal)
+    dt, order = model.dt, max(plant.relative_order, 1)
+    inverse = tustin(inverse_times(plant, low_pass(order, cutoff_hz), what), dt)
+    late = delayed(held_low_pass(order, cutoff_hz, dt), model.loop.delay)
+    block = total([through(inverse, **signal), through(late, -1.0, command=1.0)])
     c, d = np.atleast_2d(block.c), np.atleast_2d(block.d)
-    return LinearObserver(block.a, block.b, c, d, ("disturbance",), model.dt)
+    return LinearObserver(block.a, block.b, c, d, ("disturbance",), dt)
 
 
 def invertible(model: SampledJoint, output: str) -> Rational | str:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
-from cjt_gym.baselines.observers.luenberger import place_observer, spread_poles
+from cjt_gym.baselines.observers.luenberger import spread_observer
 from cjt_gym.baselines.observers.model import design_model
 from cjt_gym.baselines.plant_model import SampledJoint
 
@@ -30,8 +30,7 @@ def extended_state_observer(model: SampledJoint, bandwidth_hz: float) -> LinearO
     Raises:
         ConfigurationError: The joint torque does not show all states, as with a free load.
     """
-    extended = design_model(model, ("tau",), disturbance=True)
-    return place_observer(extended, spread_poles(bandwidth_hz, len(extended.b)).tolist())
+    return spread_observer(design_model(model, ("tau",), disturbance=True), bandwidth_hz)
 
 
 @lru_cache(maxsize=64)

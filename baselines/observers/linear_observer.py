@@ -62,10 +62,6 @@ class LinearObserver:
         for name, weight in weights.items():
             check_name("estimate", name, self.names)
             row[self.names.index(name)] = weight
-        return self.weighted(row)
-
-    def weighted(self, row: Floats) -> Block:
-        """Return the estimates weighted by a row as a block of a law."""
         return Block(self.a, self.b, row @ self.c, row @ self.d, np.zeros(len(self.a)))
 
     def step(self, measurement: Measurement, command: Floats, fresh: Mask) -> dict[str, Floats]:

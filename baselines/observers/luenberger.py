@@ -121,6 +121,7 @@ def apart(poles: Complex) -> Complex:
     return moved
 
 
-def spread_poles(bandwidth_hz: float, number: int) -> Floats:
-    """Return real poles around a bandwidth, a little apart [rad/s], shape (number,)."""
-    return np.asarray(apart(np.full(number, -2.0 * np.pi * bandwidth_hz + 0j)).real)
+def spread_observer(model: DesignModel, bandwidth_hz: float) -> LinearObserver:
+    """Return the observer of a model with real poles around a bandwidth, a little apart."""
+    poles = apart(np.full(len(model.b), -2.0 * np.pi * bandwidth_hz + 0j)).real
+    return place_observer(model, poles.tolist())

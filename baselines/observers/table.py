@@ -10,7 +10,7 @@ from cjt_gym.baselines.observers.disturbance import disturbance_observer
 from cjt_gym.baselines.observers.extended_state import extended_state_observer
 from cjt_gym.baselines.observers.kalman import OUTPUTS, kalman_filter
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
-from cjt_gym.baselines.observers.luenberger import place_observer, spread_poles
+from cjt_gym.baselines.observers.luenberger import spread_observer
 from cjt_gym.baselines.observers.model import design_model
 from cjt_gym.baselines.observers.momentum import momentum_observer
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -37,7 +37,7 @@ def _luenberger(
     model: SampledJoint, gains: Mapping[str, float], outputs: tuple[str, ...]
 ) -> LinearObserver:
     design = design_model(model, outputs, gains["disturbance"] > 0.0)
-    return place_observer(design, spread_poles(gains["bandwidth_hz"], len(design.b)).tolist())
+    return spread_observer(design, gains["bandwidth_hz"])
 
 
 OBSERVERS = {
