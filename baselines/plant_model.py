@@ -76,8 +76,8 @@ class SampledJoint:
     @property
     def stiffness(self) -> float:
         """Stiffness of gearbox and torsion bar in series [N m/rad]."""
-        groups, p = self.joint.structure_row.groups, self.joint.parameters
-        gear = 1.0 / p.k_g if groups[0] != groups[1] else 0.0
+        p = self.joint.parameters
+        gear = 1.0 / p.k_g if self.joint.structure_row.has_gear else 0.0
         return 1.0 / (1.0 / p.k_b + gear)
 
     @property
@@ -139,7 +139,7 @@ def loop_model(joint: Joint, dt: float) -> LoopModel:
     Delays are whole samples, all of them at the input; those of single encoders are left out.
     """
     model = mechanics(joint, dt)
-    late = sum(setting(joint, name, "delay") for name in DELAY_EFFECTS)
+    late = sum(joint.setting(name, "delay") for name in DELAY_EFFECTS)
     if late > LONGEST_DELAY * dt:
         raise ConfigurationError(
             f"The delay that gains are designed for must be <= {LONGEST_DELAY} control steps, "
@@ -152,16 +152,9 @@ def loop_model(joint: Joint, dt: float) -> LoopModel:
     loop = LoopModel(
         a, b, c, tau, noise_in, noise_out, scatter(joint), math.ceil(late / dt - 1e-9), dt
     )
-    loop = _lagged(loop, setting(joint, "current_lag", "bandwidth"))
-    loop = _differentiated(loop, setting(joint, "velocity_differentiation", "cutoff"))
-    return _filtered(loop, setting(joint, "torque_filter", "cutoff"))
-
-
-def setting(joint: Joint, effect: str, symbol: str) -> float:
-    """Return one number of an effect, 0 where it is off."""
-    value = joint.effects.get(effect, {}).get(symbol, 0.0)
-    assert isinstance(value, float)
-    return value
+    loop = _lagged(loop, joint.setting("current_lag", "bandwidth"))
+    loop = _differentiated(loop, joint.setting("velocity_differentiation", "cutoff"))
+    return _filtered(loop, joint.setting("torque_filter", "cutoff"))
 
 
 def scatter(joint: Joint) -> Floats:

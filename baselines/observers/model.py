@@ -13,7 +13,7 @@ from cjt_gym.baselines.linear_law import COMMAND, MEASURED, SIGNALS, signals
 from cjt_gym.baselines.mechanics import Mechanics, with_commands
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.pbh import check_observable
-from cjt_gym.baselines.plant_model import SampledJoint, scatter, setting
+from cjt_gym.baselines.plant_model import SampledJoint, scatter
 from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
 
@@ -113,7 +113,7 @@ def output_noise(model: SampledJoint, name: str) -> float:
     angle = math.hypot(known[f"q_{body}"], known["q_l"] if model.mechanics.fixed else 0.0)
     if kind == "q":
         return angle
-    cutoff = setting(model.joint, "velocity_differentiation", "cutoff")
+    cutoff = model.joint.setting("velocity_differentiation", "cutoff")
     keep = math.exp(-2.0 * math.pi * cutoff * model.dt) if cutoff > 0.0 else 0.0
     return angle * (1.0 - keep) / model.dt * math.sqrt(2.0 / (1.0 + keep))
 

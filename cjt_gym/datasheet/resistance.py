@@ -49,8 +49,7 @@ def friction_and_ripple(files: Sequence[JointFile]) -> str | None:
         left, right = figure.subplots(1, 2)
         for joint, colour in zip(joints, COLOURS, strict=False):
             p = joint.parameters
-            smooth = float(joint.effects.get("coulomb", {}).get("dq_0", 0.0))  # type: ignore[arg-type]
-            top = p.get("dq_p", max(1.0, 4.0 * smooth))
+            top = p.get("dq_p", max(1.0, 4.0 * joint.setting("coulomb", "dq_0")))
             speed = np.concatenate([-np.geomspace(top, 1e-4 * top, 300),
                                     np.geomspace(1e-4 * top, top, 300)])  # fmt: skip
             left.plot(speed, friction_over_speed(joint, speed), color=colour, label=drawn(p.name))

@@ -13,7 +13,7 @@ import numpy as np
 
 from cjt_gym.baselines import Controller
 from cjt_gym.baselines.linear_law import LinearLaw
-from cjt_gym.baselines.plant_model import LoopModel, SampledJoint, setting
+from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import SPARE_DELAY, is_stable
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
@@ -58,7 +58,7 @@ def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> 
     """
     effects = resolve_effects(None, joint.file, joint.structure_row, joint.drive)
     known = known_joint(replace(joint, effects=effects))
-    late = max(sum(delays.values()), sum(setting(known, name, "delay") for name in BUS_DELAYS))
+    late = max(sum(delays.values()), sum(known.setting(name, "delay") for name in BUS_DELAYS))
     steps = max(0, math.ceil((late - LEFT_TO_SPARE) / dt))
     delayed = _delayed(known, steps * dt)
     law = choose(word).make(delayed, dt)

@@ -124,11 +124,7 @@ def longest_sample(joint: Joint) -> float:
 
 def _loop_of(joint: Joint) -> tuple[float, float]:
     """Return bandwidth and rate of the current controller [Hz], zeros for none."""
-    values = joint.effects.get(NAME, {"bandwidth": 0.0, "rate": 0.0})
-    bandwidth, rate = values["bandwidth"], values["rate"]
-    assert isinstance(bandwidth, float)
-    assert isinstance(rate, float)
-    return bandwidth, rate
+    return joint.setting(NAME, "bandwidth"), joint.setting(NAME, "rate")
 
 
 def check_loop(joint: Joint, h: float) -> None:

@@ -96,6 +96,12 @@ class Joint:
         p = self.parameters
         return p.k_t * p.n * p.get("i_p", np.inf)
 
+    def setting(self, effect: str, symbol: str) -> float:
+        """Return one number of an effect, 0 where it is off."""
+        value = self.effects.get(effect, {}).get(symbol, 0.0)
+        assert isinstance(value, float)
+        return value
+
     def packed(self) -> tuple[NDArray[np.void], Floats]:
         """Return the kernel's parameter record, shape (1,), and ripple rows, shape (rows, 4)."""
         return pack(self.parameters, self.structure_row, self.drive, self.effects)

@@ -34,10 +34,8 @@ def body_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Mat
 
     Source: Malzahn, Roozing, Tsagarakis, The Compliant Joint Toolbox for MATLAB, Table 1.
     """
-    gear = structure.has_gear
-    bar = structure.has_spring
-    k_g, d_mg = (p.k_g, p.get("d_mg", 0.0)) if gear else (0.0, 0.0)
-    k_b, d_gl = (p.k_b, p.get("d_gl", 0.0)) if bar else (0.0, 0.0)
+    k_g, d_mg = (p.k_g, p.get("d_mg", 0.0)) if structure.has_gear else (0.0, 0.0)
+    k_b, d_gl = (p.k_b, p.get("d_gl", 0.0)) if structure.has_spring else (0.0, 0.0)
     d_m, d_g, d_l = (p.get(name, 0.0) for name in ("d_m", "d_g", "d_l"))
     inertia = np.diag([p.I_m, p.get("I_g", 0.0), p.get("I_l", 0.0)])
     damping = np.array(

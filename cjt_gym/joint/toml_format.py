@@ -36,9 +36,10 @@ def parse_document(text: str, origin: str, mistakes: Mistakes) -> dict[str, Any]
     """
     raw = _parse_toml(text, origin)
     known = _known(raw, TOP_LEVEL_KEYS, "key", origin, mistakes)
-    axis = AXES[0]
-    with mistakes.collected():
-        axis = _parse_axis(known.get("axis", axis), origin)
+    axis: Any = known.get("axis", AXES[0])
+    if axis not in AXES:
+        mistakes.found.append(f'axis of {origin} must be "rotary" or "prismatic", got {axis!r}.')
+        axis = AXES[0]
     tables = {
         name: _table(known, name, origin, mistakes)
         for name in ("parameters", "effects", "sensors", "sampling", "found")
@@ -111,12 +112,6 @@ def _text(
     elif required:
         mistakes.found.append(f"{origin} lacks the key '{key}'. Add  {key} = \"...\"  at its top.")
     return None
-
-
-def _parse_axis(value: object, origin: str) -> str:
-    if value not in AXES:
-        raise ParameterError(f'axis of {origin} must be "rotary" or "prismatic", got {value!r}.')
-    return str(value)
 
 
 def _table(

@@ -96,8 +96,7 @@ def _effects(given: Any, joint: Joint, finer: float, noise: float) -> dict[str, 
     """Return the effects with a torque sensor of that noise [N m], and angles finer by a factor."""
     listed = given if isinstance(given, Mapping) else {}
     effects = {name: dict(listed.get(name) or {}) for name in joint.effects}
-    before = joint.effects.get("noise", {}).get("tau", 0.0)
-    assert isinstance(before, float)
+    before = joint.setting("noise", "tau")
     for name in ("noise", "quantization"):
         if name in effects and before > 0.0:
             values: Mapping[str, Any] = joint.effects[name]

@@ -12,16 +12,11 @@ import numpy as np
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.batch import CHANNEL_DELAYS, DELAYS
+from cjt_gym.joint.batch import CHANNEL_DELAYS, DELAYS, INERTIAS
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.plant.randomization import draw as columns
 from cjt_gym.plant.randomization.draw import Program, normal_share
-from cjt_gym.plant.randomization.target import (
-    BODY_INERTIAS,
-    Domain,
-    Target,
-    find_target,
-)
+from cjt_gym.plant.randomization.target import Domain, Target, find_target
 from cjt_gym.plant.randomization.variation import (
     DISTRIBUTIONS,
     OPERATIONS,
@@ -30,7 +25,7 @@ from cjt_gym.plant.randomization.variation import (
     constant,
 )
 
-DISCRETISED = (*BODY_INERTIAS, "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl", "play_gap")
+DISCRETISED = (*INERTIAS, "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl", "play_gap")
 DRIFT_STEPS = 1000  # updates of a drift per time constant, at most one per control step
 Span = tuple[float, float]
 

@@ -9,12 +9,11 @@ import numpy as np
 
 from cjt_gym.errors import ConfigurationError, check_name, unknown_name
 from cjt_gym.joint import EFFECTS, Joint
+from cjt_gym.joint.batch import INERTIAS
 from cjt_gym.joint.configure import BASE_FIELDS
 from cjt_gym.joint.effects import Effect, EffectParameter
 from cjt_gym.joint.parameters import PARAMETERS
 from cjt_gym.plant.randomization.variation import Variation
-
-BODY_INERTIAS = ("I_m", "I_g", "I_l")
 
 
 @dataclass(frozen=True)
@@ -109,11 +108,11 @@ def base_domain(joint: Joint, name: str) -> Domain:
     """Return the domain of a base parameter in the structure and with the drive of a joint."""
     spec = PARAMETERS[name]
     strict = spec.exclusive or (name == "l_a" and joint.drive in ("rl", "dq"))
-    if name in BODY_INERTIAS:
+    if name in INERTIAS:
         groups = joint.structure_row.groups
-        group = groups[BODY_INERTIAS.index(name)]
+        group = groups[INERTIAS.index(name)]
         # A body that is first in its coordinate must have inertia; others come on top of it.
-        strict = group >= 0 and groups.index(group) == BODY_INERTIAS.index(name)
+        strict = group >= 0 and groups.index(group) == INERTIAS.index(name)
     return Domain(spec.minimum, strict, math.inf, joint.parameters.unit(name))
 
 
