@@ -136,15 +136,11 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
             missing.append(f"{name.capitalize()}: {error}")
             continue
         if caption == IMPEDANCE:
-            caption = caption.format(motion=_usual_motion(joints))
+            unit = "rad" if joints[0].axis == "rotary" else "m"
+            caption = caption.format(motion=f"{min(map(plots.usual_motion, joints)):g} {unit}")
         yield Figure(svg, caption, whole=not one and name == "efficiency")
     if missing:
         yield Paragraph("Not drawn. " + " ".join(map(plain, missing)), small=True)
-
-
-def _usual_motion(joints: Sequence[JointParameters]) -> str:
-    unit_of_angle = "rad" if joints[0].axis == "rotary" else "m"
-    return f"{min(map(plots.usual_motion, joints)):g} {unit_of_angle}"
 
 
 def _notes(joints: Sequence[JointParameters]) -> Iterator[Block]:

@@ -180,7 +180,8 @@ def efficiency_curves(
             f"speeds must be finite and > 0 {p.unit('dq_p')}, got {list(given)}."
         )
     tau = np.linspace(0.0, characteristic(p, "t_p"), 600)
-    for dq, colour in zip(given, _shades(len(given)), strict=True):
+    shades = mpl.colormaps["viridis"](np.linspace(0.1, 0.85, len(given)))
+    for dq, colour in zip(given, shades, strict=True):
         values = 100.0 * efficiency(p, tau, np.array(dq))
         axes.plot(tau, values, color=colour, label=f"{number(dq, 3)} {p.unit('dq_p')}")
     full = np.maximum(speed_at_torque(p, tau), 0.0)
@@ -191,10 +192,6 @@ def efficiency_curves(
     axes.set_ylim(bottom=0.0)
     axes.set(xlabel=_label(p, "d_cm", "motor torque at the link"), ylabel="efficiency [%]")
     place_legend(axes, loc="best")
-
-
-def _shades(count: int) -> list[Any]:
-    return list(mpl.colormaps["viridis"](np.linspace(0.1, 0.85, max(count, 1))))[:count]
 
 
 def holding(axes: Axes, p: JointParameters, winding: float | None = None) -> Any:

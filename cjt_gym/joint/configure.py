@@ -168,10 +168,10 @@ def _resolve_one(
         if parameter.symbol in merged:
             value = merged[parameter.symbol]
         elif body is not None and body_of(parameter.symbol) not in (None, body):
-            value = _off(parameter, file.parameters)
+            value = off_value(parameter, file.parameters)
         else:
             value = _fallback(effect, parameter, merged, file, typical=typical)
-            if typical and np.all(np.asarray(value) == _off(parameter, file.parameters)):
+            if typical and np.all(np.asarray(value) == off_value(parameter, file.parameters)):
                 value = typical_value(parameter, file.parameters)
         result[parameter.symbol] = _checked(effect, parameter, value, file)
     _check_whole(effect, result, set(effect.size) if typical else set(merged), file)
@@ -197,7 +197,8 @@ def _plain(effect: Effect, values: Mapping[str, Any], file: JointFile) -> dict[s
     return plain
 
 
-def _off(parameter: EffectParameter, p: JointParameters) -> float:
+def off_value(parameter: EffectParameter, p: JointParameters) -> float:
+    """Return the value of an effect's parameter at which the effect is off on this joint."""
     if parameter.relative_to is not None:
         return p.get(parameter.relative_to, 0.0)
     return parameter.neutral or 0.0
@@ -242,7 +243,7 @@ def _fallback(
     if parameter.default is not None:
         return parameter.default
     if parameter.relative_to is not None and len(effect.size) > 1:
-        return _off(parameter, file.parameters)
+        return off_value(parameter, file.parameters)
     raise ParameterError(
         f"{effect.name}.{parameter.symbol} of {file.parameters.origin} is needed and absent "
         f"({parameter.description}, {parameter.unit}). Give it in effects={{'{effect.name}': "
@@ -284,7 +285,7 @@ def _checked(
 
 def _is_idle(effect: Effect, values: EffectValues, p: JointParameters) -> bool:
     size = [parameter for parameter in effect.parameters if parameter.symbol in effect.size]
-    return all(np.all(np.asarray(values[x.symbol]) == _off(x, p)) for x in size)
+    return all(np.all(np.asarray(values[x.symbol]) == off_value(x, p)) for x in size)
 
 
 def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: JointFile) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint import Effect, EffectParameter, load_joint_file
-from cjt_gym.joint.configure import EffectValue, typical_value
+from cjt_gym.joint import Effect, load_joint_file
+from cjt_gym.joint.configure import EffectValue, off_value, typical_value
 from tools.effects_page.bench import JOINT
 
 FILE = load_joint_file(JOINT)
@@ -20,11 +20,10 @@ def values(effect: Effect) -> dict[str, EffectValue]:
     for p in effect.parameters:
         value = _rounded(typical_value(p, FILE.parameters))
         if p.symbol in effect.size:
-            if value != _neutral(p):
-                found[p.symbol] = value
-        elif p.shared or value == p.default or _known(p):
-            continue
+            says = value != off_value(p, FILE.parameters)
         else:
+            says = not (p.shared or value == p.default or p.joint_parameter in FILE.parameters)
+        if says:
             found[p.symbol] = value
     return found
 
@@ -57,18 +56,6 @@ def toml_snippet(effect: Effect) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _known(p: EffectParameter) -> bool:
-    if p.joint_parameter is None:
-        return False
-    return p.joint_parameter in FILE.parameters
-
-
-def _neutral(p: EffectParameter) -> float:
-    if p.relative_to is not None:
-        return FILE.parameters.get(p.relative_to, 0.0)
-    return p.neutral or 0.0
-
-
 def _rounded(value: EffectValue) -> EffectValue:
     if isinstance(value, tuple):
         return tuple(float(f"{x:.3g}") for x in value)
@@ -76,6 +63,4 @@ def _rounded(value: EffectValue) -> EffectValue:
 
 
 def _number(value: EffectValue) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(repr, value))}]"
-    return repr(value)
+    return repr(list(value) if isinstance(value, tuple) else value)

@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import DELAYS
-from cjt_gym.joint.configure import stated_by_file
+from cjt_gym.joint.configure import off_value, stated_by_file
 from cjt_gym.joint.effect_entries import CHANNEL_VALUES
 from cjt_gym.joint.effects import Effect, EffectParameter
 from cjt_gym.joint.quantity import Quantity
@@ -165,11 +165,7 @@ def _sized(
     joint: Joint, target: Target, parameter: EffectParameter, width: Width, dt: float
 ) -> Variation | None:
     """Return how the size of an effect varies; None where it is off."""
-    off = parameter.neutral or 0.0
-    if parameter.symbol == "scale":
-        off = 0.0
-    elif parameter.relative_to is not None:
-        off = joint.parameters.get(parameter.relative_to, 0.0)
+    off = 0.0 if parameter.symbol == "scale" else off_value(parameter, joint.parameters)
     excess = target.nominal - off
     if excess == 0.0:
         return None
