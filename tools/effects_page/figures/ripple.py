@@ -16,6 +16,8 @@ from tools.effects_page.style import BLACK, BLUE, GREEN, POINTS, RED, label, mos
 N, P, K = 80.0, 6.0, 0.078 * 80.0
 SHARE = 8  # of a revolution of q_m that is turned
 SAMPLES, WARM_UP, DT = 16_000, 1000, 1e-3
+TORQUES = (90.0, 60.0, 30.0)  # of the motor [N m]
+ROTOR = {0.0: "0", N: "80\n= n", 240.0: "240", 6.0 * N: "480\n= 6 n"}  # orders [1/rev]
 
 
 def turned(effects: Mapping[str, Mapping[str, Any]], tau_m: float = 0.0) -> tuple[Floats, Floats]:
@@ -54,13 +56,17 @@ def law(q: Floats, f: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def _compare(
-    axes: dict[str, Axes],
     effects: Mapping[str, Mapping[str, Any]],
     torques: tuple[float, ...],
     span: float,
-    unit: str,
-) -> None:
-    """Draw ripple over angle and its spectrum for several motor torques."""
+    highest: float,
+    ticks: Mapping[float, str],
+) -> Figure:
+    """Draw ripple over angle and its spectrum for several motor torques.
+
+    The angle spans so much [rad], the spectrum ends at `highest` and has these ticks [1/rev].
+    """
+    figure, axes = mosaic("ab")
     (name, values) = next(iter(effects.items()))
     f, a, b = (np.asarray(values[key], dtype=np.float64) for key in ("f", "a", "b"))
     for color, tau_m in zip((BLUE, RED, GREEN), torques, strict=False):
@@ -74,12 +80,15 @@ def _compare(
         axes["a"].plot(1e3 * x[::step], torque[near][::step], **POINTS, color=color)
         expected = dict(zip(f, abs(factor) * np.hypot(a, b), strict=True))
         stems(axes["b"], torque, color, expected)
-        text = "simulated" if name == "cogging" else f"{tau_m:g} {unit}"
+        text = "simulated" if name == "cogging" else f"{tau_m:g} N m"
         axes["b"].plot([], [], color=color, lw=1.8, label=text)
     axes["b"].plot([], [], ls="none", marker="o", mfc="none", mec=BLACK, ms=6, label="law")
     label(axes["a"], "motor angle q_m [mrad]", "ripple [N m]", "slow, steady turn")
     label(axes["b"], "periods per revolution of q_m [1/rev]", "amplitude [N m]", "", "upper right")
+    axes["b"].set_xlim(0.0, highest)
     axes["b"].set_ylim(bottom=0.0)
+    axes["b"].set_xticks(list(ticks), list(ticks.values()))
+    return figure
 
 
 @plot(
@@ -93,12 +102,8 @@ def _compare(
 )
 def cogging() -> Figure:
     """Draw cogging over angle and its spectrum."""
-    figure, axes = mosaic("ab")
     series = {"f": (N, 6.0 * N), "a": (1.87, 0.56), "b": (-0.94, 0.37)}
-    _compare(axes, {"cogging": series}, (0.0,), 4.0 * np.pi / N, "")
-    axes["b"].set_xlim(0.0, 600.0)
-    axes["b"].set_xticks([0, N, 240, 6 * N], ["0", "80\n= n", "240", "480\n= 6 n"])
-    return figure
+    return _compare({"cogging": series}, (0.0,), 4.0 * np.pi / N, 600.0, ROTOR)
 
 
 @plot(
@@ -111,12 +116,8 @@ def cogging() -> Figure:
 )
 def gear_ripple() -> Figure:
     """Draw gear ripple for several transmitted torques."""
-    figure, axes = mosaic("ab")
     series = {"f": (N, 6.0 * N), "a": (0.02, 0.006), "b": (-0.01, 0.004)}
-    _compare(axes, {"gear_ripple": series}, (90.0, 60.0, 30.0), 4.0 * np.pi / N, "N m")
-    axes["b"].set_xlim(0.0, 600.0)
-    axes["b"].set_xticks([0, N, 240, 6 * N], ["0", "80\n= n", "240", "480\n= 6 n"])
-    return figure
+    return _compare({"gear_ripple": series}, TORQUES, 4.0 * np.pi / N, 600.0, ROTOR)
 
 
 @plot(
@@ -129,13 +130,10 @@ def gear_ripple() -> Figure:
 )
 def commutation_ripple() -> Figure:
     """Draw commutation ripple for several currents."""
-    figure, axes = mosaic("ab")
     order = 6.0 * P * N
     series = {"f": (order, 2.0 * order), "a": (0.02, 0.006), "b": (-0.01, 0.004)}
-    _compare(axes, {"commutation_ripple": series}, (90.0, 60.0, 30.0), 8.0 * np.pi / order, "N m")
-    axes["b"].set_xlim(0.0, 7000.0)
-    axes["b"].set_xticks([0, order, 2 * order], ["0", "2880\n= 6 p n", "5760\n= 12 p n"])
-    return figure
+    ticks = {0.0: "0", order: "2880\n= 6 p n", 2.0 * order: "5760\n= 12 p n"}
+    return _compare({"commutation_ripple": series}, TORQUES, 8.0 * np.pi / order, 7000.0, ticks)
 
 
 @plot(
