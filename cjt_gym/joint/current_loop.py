@@ -118,18 +118,14 @@ def with_current_loop(joint: Joint, dt_physics: float) -> Joint:
 
 def longest_sample(joint: Joint) -> float:
     """Return the substep up to which the current controller keeps its rate [s]."""
-    bandwidth, rate = _loop_of(joint)
-    return (1.0 + 1e-6) / rate if bandwidth > 0.0 else math.inf
-
-
-def _loop_of(joint: Joint) -> tuple[float, float]:
-    """Return bandwidth and rate of the current controller [Hz], zeros for none."""
-    return joint.setting(NAME, "bandwidth"), joint.setting(NAME, "rate")
+    if joint.setting(NAME, "bandwidth") == 0.0:
+        return math.inf
+    return (1.0 + 1e-6) / joint.setting(NAME, "rate")
 
 
 def check_loop(joint: Joint, h: float) -> None:
     """Raise ConfigurationError where the controller cannot keep its rate or bandwidth."""
-    bandwidth, rate = _loop_of(joint)
+    bandwidth, rate = (joint.setting(NAME, symbol) for symbol in ("bandwidth", "rate"))
     if bandwidth == 0.0:
         return
     if h > longest_sample(joint):
