@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.candidates.nuisances import FRICTION
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     TOO_FAR_OFF,
@@ -238,7 +239,7 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
     told = {}
     for k, n in enumerate(shared):
         deviation = spread.std(k)
-        given = (n.field in known or n.field == "lag") and n.field not in released
+        given = n.field in (*known, *FRICTION, "lag") and n.field not in released
         if given and n.unknown.log and (deviation < KNOWN or abs(fit.z[k]) > MOVED):
             for field in (n.field, *n.along):
                 told[field] = (rounded(fields[field]), rounded(n.unknown.scale * deviation))
@@ -248,7 +249,7 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
 def _within_tolerance(found: Explanation) -> Written:
     """Return the nominal joint with its values limited to their tolerances."""
     problem = found.problem
-    known = {*problem.stages.setting.joint.parameters.quantities, "tau_0", "i_0"}
+    known = {*problem.stages.setting.joint.parameters.quantities, *FRICTION, "tau_0", "i_0"}
     limited = [n.field in known for n in problem.shared]
     z = found.base.z.copy()
     z[limited] = np.clip(z[limited], -WITHIN, WITHIN)

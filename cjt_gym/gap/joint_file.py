@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from cjt_gym.gap.candidates.nuisances import FRICTION
 from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
@@ -61,6 +62,8 @@ def identified_joint(
     _share_smoothing(table, joint)
     if "lag" in refined and "current_lag" not in {effect.name for effect in named}:
         _refine_lag(table, *refined["lag"], source)
+    if "coulomb" not in {effect.name for effect in named}:
+        _refine_friction(table, refined, source)
     p = joint.parameters
     known = {symbol: row for symbol, row in refined.items() if symbol in p.quantities}
     parameters = replace(
@@ -199,6 +202,18 @@ def _refine_lag(table: Table, lag: float, deviation: float, source: str) -> None
         text = f"refined from {old.number:.6g}, {source}"
         bandwidth = rounded(1.0 / (2.0 * math.pi * lag))
         entries["bandwidth"] = Quantity(bandwidth, old.unit, text, tolerance=rounded(deviation))
+
+
+def _refine_friction(table: Table, refined: Refined, source: str) -> None:
+    """Set the listed levels of Coulomb friction to the fitted ones."""
+    for field, symbol in FRICTION.items():
+        old = table.get("coulomb", {}).get(symbol)
+        if field in refined and isinstance(old, Quantity):
+            value, deviation = refined[field][0], min(refined[field][1], WIDEST)
+            text = f"refined from {old.number:.6g}, {source}"
+            table["coulomb"][symbol] = replace(
+                old, value=value, source=text, tolerance=rounded(deviation)
+            )
 
 
 def rounded(x: float) -> float:

@@ -11,6 +11,7 @@ from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.fields import Fields, own_field
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
+from cjt_gym.joint.quantity import Quantity
 
 DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
 LATE = 2e-5
@@ -21,6 +22,8 @@ USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
 """Smallest standard deviation of the offsets of current [A] and torque [N m]."""
 USUAL_COMMAND = 1e-3
 """Standard deviation of an amplifier's offset, as a share of the range of its command."""
+FRICTION = {f"c_p_{body}": f"d_c{body}" for body in "mgl"}
+"""Symbol in the joint file of each field that is a level of Coulomb friction."""
 OWN = ("i_0", "tau_0", "q_0", "centre_g")
 """Fields that differ from record to record of one joint."""
 BLURRED = 0.3
@@ -52,7 +55,7 @@ class Nuisance:
 
 def nuisances(setting: Setting, stages: tuple[str, ...]) -> tuple[Nuisance, ...]:
     """Return the numbers that are free in every fit of a record."""
-    found = [*_parameters(setting), *_offsets(setting)]
+    found = [*_parameters(setting), *_friction(setting), *_offsets(setting)]
     kept = [replace(n, stages=tuple(s for s in n.stages if s in stages)) for n in found]
     return tuple(n for n in kept if n.stages)
 
@@ -91,6 +94,9 @@ def stages_of(setting: Setting, field: str) -> tuple[str, ...]:
         "d_gl": ("transmission",),
         "I_l": ("load",),
         "d_l": ("load",),
+        "c_p_m": ("motor",),
+        "c_p_g": ("motor", "transmission") if setting.has_gear else ("motor",),
+        "c_p_l": ("load",),
     }[field]
     return touched if setting.cut_at_spring else ("motor",)
 
@@ -152,6 +158,21 @@ def _parameters(setting: Setting) -> list[Nuisance]:
         unknown = Number(name, unit, start, scale, True, low=start / far, high=start * far)
         along = guesses_of(setting, name[2])[1:] if name.startswith("I_") else ()
         rows.append(Nuisance(name, unknown, stages_of(setting, name), along))
+    return rows
+
+
+def _friction(setting: Setting) -> list[Nuisance]:
+    """Return the levels of Coulomb friction that the joint file lists with a tolerance."""
+    effects, rows = setting.joint.effects, []
+    listed_levels = {} if "presliding" in effects else effects.get("coulomb", {})
+    for field, symbol in FRICTION.items():
+        listed, start = listed_levels.get(symbol), setting.nominal[field]
+        if not isinstance(listed, Quantity) or not listed.tolerance or start <= 0.0:
+            continue
+        scale = listed.tolerance
+        far = min(float(np.exp(STRETCH * scale)), FURTHEST)
+        unknown = Number(field, "N m", start, scale, True, low=start / far, high=start * far)
+        rows.append(Nuisance(field, unknown, stages_of(setting, field), (f"c_n_{field[-1]}",)))
     return rows
 
 

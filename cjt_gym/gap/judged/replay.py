@@ -18,6 +18,7 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.errors import SimulationError
 from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.candidates.nuisances import FRICTION
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.joint_file import Refined, identified_joint
@@ -80,7 +81,7 @@ def _warmth(heat: Mapping[str, float], series: Series) -> float:
 def written(problem: Problem, model: Model, z: Floats) -> Written:
     """Return a model at coordinates with the joint that it stands for."""
     setting, fields = problem.stages.setting, problem.fields(model, z)
-    known = {*setting.joint.parameters.quantities, "lag"}
+    known = {*setting.joint.parameters.quantities, *FRICTION, "lag"}
     known -= {effect.releases for effect in model.effects}
     values = {n.field: (fields[n.field], 0.0) for n in problem.shared if n.field in known}
     named = [
