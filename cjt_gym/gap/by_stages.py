@@ -10,9 +10,11 @@ import numpy as np
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.candidates.nuisances import FRICTION
 from cjt_gym.gap.diagnosis import (
+    EVEN_CHANCE,
     NOTHING_LEFT,
     TOO_FAR_OFF,
     Diagnosis,
+    Interval,
     NamedEffect,
     StageGap,
     Suggestion,
@@ -35,7 +37,7 @@ from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
 from cjt_gym.gap.stages.fit import Fit, Model
-from cjt_gym.gap.stages.intervals import Covariance, covariance
+from cjt_gym.gap.stages.intervals import NORMAL, Covariance, covariance
 from cjt_gym.gap.stages.lateness import open_instant
 from cjt_gym.gap.stages.leftover import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.gap.stages.select import BEYOND, Progress
@@ -54,6 +56,18 @@ BESIDE_SPRING = ("transmission", "sensing", "load")
 """Stages of which no effect is confirmed where spring and load cannot be told apart."""
 KNOWN = 0.7
 """Share of the tolerance within which a fit must determine a datasheet value to refine it."""
+OF_VALUES = {
+    "k_t": ("torque_constant", None),
+    "k_b": ("stiffness", None),
+    "k_g": ("gear_stiffness", None),
+    "I_m": ("inertia", "motor"),
+    "I_g": ("inertia", "gear"),
+    "I_l": ("load_inertia", None),
+    "d_m": ("damping", "motor"),
+    "d_g": ("damping", "gear"),
+    "d_l": ("damping", "load"),
+}
+"""Effect and body of each datasheet value that may be off."""
 MOVED = 0.1
 """Share of the tolerance by which a fit may move it instead; some are only known jointly."""
 
@@ -175,7 +189,9 @@ def _report(
     # refined within their tolerances if that leaves no gap.
     explains = bool(named)
     if not explains and not found.left:
-        found = replace(found, left=_beyond_tolerance(found, problem.mean_square(all_before)))
+        far = _beyond_tolerance(found, problem.mean_square(all_before))
+        off = _far_off(found, spread) if far else ()
+        named, found = off or named, found if off else replace(found, left=far)
     refined = explains or not found.left
     fit = found.fit if explains else found.base
     if refined:
@@ -183,7 +199,7 @@ def _report(
     setting = problem.stages.setting
     nominal = Written(_nominal_fields(found), setting.joint)
     told = _refined(found, fit, spread) if refined else {}
-    shown = [effect for effect in named if effect.name not in MEASURES]
+    shown = [effect for effect in named if effect.name not in MEASURES and explains]
     models = steps(problem, fit, nominal, shown, told, record) if refined else [nominal]
     gap, rungs, replays = measure_gap(settings, models, held_out, shown)
     if not explains and gap.removed < 0.0:
@@ -215,6 +231,9 @@ def _report(
         return cautious(said, setting, held_out)
 
     fields = problem.fields(fit.model, fit.z)
+    if not explains:
+        own = {symbol for effect in named for symbol in effect.parameters}
+        told = {symbol: row for symbol, row in told.items() if symbol not in own}
     diagnosis = Diagnosis(
         verdict=verdict(len(named), left),
         stages=stages,
@@ -269,6 +288,30 @@ def _beyond_tolerance(found: Explanation, mean_square: Mapping[str, float]) -> t
     )
     text = f"{TOO_FAR_OFF} ({off})" if off else TOO_FAR_OFF
     return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
+
+
+def _far_off(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
+    """Return the effects of the datasheet values that left their tolerances and explain the rest.
+
+    They are tentative: each may have left its own because another should have.
+    """
+    problem, quantities = found.problem, found.problem.stages.setting.joint.parameters.quantities
+    fields, shares = problem.fields(Model(), found.base.z), []
+    for k, (n, z) in enumerate(zip(problem.shared, found.base.z, strict=True)):
+        if n.field not in OF_VALUES or n.field not in quantities or abs(z) <= WITHIN:
+            continue
+        name, body = OF_VALUES[n.field]
+        half = NORMAL * spread.std(k)
+        ends = sorted(n.unknown.value(z + s * half) for s in (-1.0, 1.0))
+        number = Interval(fields[n.field], ends[0], ends[1], quantities[n.field].unit)
+        one = NamedEffect(
+            name, n.stages[0], body, None, {n.field: number}, "tentative", EVEN_CHANCE, 0.0,
+            doubt="it is off by a few tolerances only, and another value may be instead",
+        )  # fmt: skip
+        shares.append((abs(z), one))
+    total = sum(z * z for z, _ in shares)
+    ordered = sorted(shares, key=lambda pair: -pair[0])
+    return tuple(replace(one, gap_removed=z * z / total) for z, one in ordered)
 
 
 def _nominal_fields(found: Explanation) -> Fields:
