@@ -19,7 +19,16 @@ from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray, check_lengths
 from cjt_gym.records.columns import TRUE_PREFIX
 from cjt_gym.records.doubts import doubts
-from cjt_gym.records.glitches import frozen, glitches, held, stale, unwrapped
+from cjt_gym.records.glitches import (
+    COMMON,
+    LONGEST_FREEZE,
+    LONGEST_GLITCH,
+    frozen,
+    glitches,
+    held,
+    stale,
+    unwrapped,
+)
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair_notes import Repair, counted, share
 from cjt_gym.records.timing import Piece, ordered_rows
@@ -34,6 +43,8 @@ LIKE_ITS_COMMAND = 3.0
 """Pulse of a current, in its spread, over that of its command in its own up to which it is one."""
 ABSURD = 1e12
 """Size from which a value is none, in any unit; infinity is beyond."""
+JUMP = 3.0
+"""Jump after rows that repeat, over the largest move within a row, from which a log stood still."""
 SHUFFLED = 0.1
 """Usual step of the time, relative to its span, from which rows are in no order."""
 SHORTEST = 100
@@ -252,7 +263,7 @@ def _mark_stale(columns: Columns) -> list[Repair]:
         long |= frozen(columns[name])
     for name, repeats in flagged.items():  # what froze one channel may have frozen others
         repeats |= long & _same_rows({name: columns[name]})
-    whole = _stale_rows(columns, flagged)
+    whole = _stale_rows(columns, flagged) | _halted_rows(columns)
     if count := int(whole.sum()):
         for name in flagged:
             flagged[name] &= ~whole
@@ -269,6 +280,30 @@ def _mark_stale(columns: Columns) -> list[Repair]:
             columns[name] = np.where(repeats, np.nan, columns[name])
             repairs.append(_repair("stale", name, count, len(repeats), "repeated sample"))
     return repairs
+
+
+def _halted_rows(columns: Columns) -> Bools:
+    """Return which rows repeat the one before for long while the log stood still, not the joint.
+
+    Such logs jump when they go on, further than the joint ever moves within a row.
+    """
+    rows = _same_rows({name: values for name, values in columns.items() if name != "t"})
+    edges = np.diff(rows.astype(int), prepend=0, append=0)
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    length = ends - begins
+    long = (length > LONGEST_GLITCH) & (length <= LONGEST_FREEZE) & (ends < len(rows))
+    halts = np.zeros(len(rows), dtype=bool)
+    if not long.any() or long.sum() > COMMON * len(rows):
+        return halts
+    for begin, end in zip(begins[long], ends[long], strict=True):
+        halts[begin:end] = True
+    for name in set(INERT) & set(columns):
+        moves = np.abs(np.diff(columns[name], prepend=np.nan))
+        after = moves[ends[long]]
+        moves[ends[ends < len(rows)]] = np.nan
+        if np.isfinite(moves).any() and np.nanmax(after) > JUMP * np.nanmax(moves):
+            return halts
+    return np.zeros(len(rows), dtype=bool)
 
 
 def _stale_rows(columns: Columns, flagged: Mapping[str, Bools]) -> Bools:

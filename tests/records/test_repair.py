@@ -276,6 +276,23 @@ def test_channels_that_freeze_while_the_joint_moves_on_are_marked() -> None:
         assert not (marked & ~frozen).any()
 
 
+def test_a_log_that_stands_still_in_all_channels_is_marked_wherever_it_did() -> None:
+    """In a reversal, too, where the jump after it is small."""
+    columns = motion(samples=6000)
+    rng = np.random.default_rng(6)
+    frozen = np.zeros(6000, dtype=bool)
+    for begin in range(900, 5700, 400):
+        frozen[begin + 1 : begin + int(rng.integers(20, 50))] = True
+    newest = np.maximum.accumulate(np.where(frozen, 0, np.arange(6000)))
+    for name in set(columns) - {"t"}:
+        columns[name] = columns[name][newest]
+    record, repairs = clean(as_record(columns))
+    assert ("stale", None) in kinds(repairs)
+    marked = np.isnan(record["q_m"])
+    assert (marked & frozen).sum() == frozen.sum()
+    assert not (marked & ~frozen).any()
+
+
 def test_a_joint_that_sticks_is_not_frozen() -> None:
     """It moves off from where it stood, however suddenly."""
     columns = motion(samples=6000)
