@@ -69,6 +69,7 @@ def retold(
     seen = seen_in_torque(judged.case.joint, judged.case.logs, excluded)
     seen = {n: one for n, one in seen.items() if not is_usual_offset(judged, n, one.values[0])}
     effects = without_late_drive(effects_of(judged, excluded, seen), first.stages["drive"])
+    effects = _as_staged(effects, first.effects)
     regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
     if judged.answer == "datasheet" and not loud:
         seen = {}
@@ -126,6 +127,20 @@ def without_late_drive(effects: Sequence[NamedEffect], drive: StageGap) -> tuple
     """
     quiet = drive.before > 0.0 and not drive.significant
     return tuple(e for e in effects if not (quiet and e.name in LATE))
+
+
+def _as_staged(
+    effects: Sequence[NamedEffect], staged: Sequence[NamedEffect]
+) -> tuple[NamedEffect, ...]:
+    """Return effects with the numbers of a late drive that the stages tell.
+
+    They know that a row holds a command and what was measured before it acted.
+    """
+    late = {e.name: e.parameters for e in staged if e.name in LATE and e.stage == "drive"}
+    return tuple(
+        replace(e, parameters=late.get(e.name, e.parameters)) if e.stage == "drive" else e
+        for e in effects
+    )
 
 
 def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
