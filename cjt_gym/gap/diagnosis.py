@@ -22,7 +22,7 @@ LEVELLESS = "nothing shows the level to which it falls"
 """Doubts about an effect that the stages and the search have in common."""
 ENOUGH = "No further record is needed."
 TOO_FAR_OFF = "datasheet values that are further off than their tolerances"
-NOTHING_LEFT = "In every stage the rest is what noise and tolerances explain."
+NOTHING_LEFT = "In every stage the rest is small, or what noise and tolerances explain."
 
 
 @dataclass(frozen=True)

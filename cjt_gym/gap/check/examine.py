@@ -23,6 +23,8 @@ ALONE = "Map the torque of what else drives the joint as tau_l, or let its motor
 """Remedy for motion that is not the motor's."""
 SHORTEST = 100
 """Fewest samples for an examination."""
+BRIEFEST = 0.2
+"""Shortest duration of a record [s]."""
 ROWS: Mapping[str, Callable[[View], Verdict]] = {
     "command_delay": drive.command_delay,
     "current_lag": drive.current_lag,
@@ -73,7 +75,8 @@ def examine(
             else the one suggested by the channels.
 
     Raises:
-        RecordError: There is no record, or it has fewer than 100 samples or no channel.
+        RecordError: There is no record, or it has fewer than 100 samples, lasts less than 0.2 s or
+            has no channel.
         ParameterError: A body of the joint that moves freely has no inertia.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
@@ -133,6 +136,12 @@ def _check(records: Sequence[Record]) -> None:
             raise RecordError(
                 f"{record.owner} must have at least {SHORTEST} samples to be examined, "
                 f"got {len(record)}. Record for longer."
+            )
+        span = float(record.t[-1] - record.t[0])
+        if span < BRIEFEST:
+            raise RecordError(
+                f"{record.owner} must last at least {BRIEFEST} s to be examined, got {span:.3g} s. "
+                "Record for longer, or map t with its unit."
             )
         if not any(measured(name, record) for name in record.columns):
             raise RecordError(

@@ -197,7 +197,9 @@ SLOPES = "Map the velocity with its unit and scale, or correct the times of the 
 ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
 OTHERS = "Map the torque of what else moves the joint as tau_l, or record its motor alone."
 FINER = "Record more motion, or a finer angle."
-SPECIFY = "State the noise of these sensors in the joint file, such as noise under [sensors.q_m]."
+SPECIFY = (
+    "State the noise that these sensors have in the joint file, such as noise under [sensors.q_m]."
+)
 LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_repairs, ""),
     (lambda view: clock(view.logged), "Log at an even rate of 1 kHz, with the time of each row."),

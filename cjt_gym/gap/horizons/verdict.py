@@ -250,7 +250,7 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
         value, nominal = scale * values[0], scale * term.nominal[0]
         if term.name == "gravity":  # fitted as a cos q + b sin q
             value, nominal = math.hypot(*values), math.hypot(*term.nominal)
-        if is_usual_offset(judged, term.name, value) or not term.told:
+        if is_usual_offset(judged, term.name, value) or not term.told or _is_unlisted(judged, term):
             continue
         far = _is_far_off(judged, term, values[0])
         if known and not far:
@@ -267,12 +267,20 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
 
 def _in_words(judged: Judgement, term: Term, value: float, nominal: float) -> str:
     """Return a refined value beside that of the datasheet, with its symbol and unit."""
-    symbol = "torque" if term.name == "gravity" else term.numbers[0].symbol
+    symbol, joint = "torque" if term.name == "gravity" else term.numbers[0].symbol, judged.case.joint
     parameter = EFFECTS[term.name].parameter(symbol)
     if parameter is None:  # a number of the fit alone
         return f"{term.name} {value:.3g} for {nominal:.3g}"
-    unit = unit_on(parameter, judged.case.joint.parameters)
+    unit = unit_on(parameter, joint.parameters)
+    if term.name == "inertia":  # of all bodies that move as one with the rotor
+        parts = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
+        symbol = " + ".join(s for s in parts if joint.parameters.get(s, 0.0) > 0.0) or symbol
     return f"{term.name} {symbol} {value:.3g} {unit} for {nominal:.3g}".replace(" - for", " for")
+
+
+def _is_unlisted(judged: Judgement, term: Term) -> bool:
+    """Return whether a term only completes the law of dry friction that the datasheet has."""
+    return term.name == "presliding" and term.name not in judged.case.joint.file.effects
 
 
 def _is_far_off(judged: Judgement, term: Term, value: float) -> bool:

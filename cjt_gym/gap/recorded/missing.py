@@ -28,7 +28,7 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
             "structure whose output is fixed."
         )
     if "i_cmd" not in there:
-        said.append("Without the command the drive is not judged.")
+        said.append("Without the command i_cmd the drive is not judged.")
     elif "i" not in there:
         said.append(
             "Without the measured current, delay and lag of the drive are seen through the motor "
