@@ -51,6 +51,35 @@ def test_friction_within_its_tolerance_is_refined(tmp_path: Path, structure: str
     assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(2.8, rel=0.02)  # type: ignore[union-attr]
 
 
+@pytest.mark.parametrize("level", [2.1, 2.9])
+def test_nothing_else_is_blamed_for_listed_friction_within_its_tolerance(
+    tmp_path: Path, level: float
+) -> None:
+    listed = FRICTION.strip().splitlines()
+    sheet = joint_of(tmp_path, "\n".join(reversed(listed)))
+    true = joint_of(tmp_path, effects={"coulomb": {"d_cm": level, "dq_0": 0.0}})
+    found = diagnose(record_of(true), sheet.file, STRUCTURE)
+    assert (found.verdict, found.effects) == ("no_gap", ())
+    assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(level, rel=0.02)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("symbol", "factor", "name"), [("k_t", 0.89, "torque_constant"), ("d_m", 1.8, "damping")]
+)
+def test_a_value_that_left_its_tolerance_by_little_is_named_tentatively(
+    tmp_path: Path, symbol: str, factor: float, name: str
+) -> None:
+    sheet = joint_of(tmp_path)
+    value = factor * sheet.parameters.get(symbol, 0.0)
+    true = joint_of(tmp_path, parameters={symbol: value})
+    found = diagnose(record_of(true), sheet.file, STRUCTURE)
+    assert found.verdict == "explained"
+    assert [(e.name, e.status) for e in found.effects] == [(name, "tentative")]
+    known = found.effects[0].parameters[symbol]
+    assert known.value == pytest.approx(value, rel=0.02)
+    assert found.joint.effects[name][symbol].number == pytest.approx(value, rel=0.02)  # type: ignore[union-attr]
+
+
 @pytest.mark.parametrize("structure", [STRUCTURE, "rigid"])
 def test_friction_beyond_its_tolerance_is_named(tmp_path: Path, structure: str) -> None:
     found = sticking(tmp_path, 5.0, structure)

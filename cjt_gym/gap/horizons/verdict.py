@@ -267,7 +267,8 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
 
 def _in_words(judged: Judgement, term: Term, value: float, nominal: float) -> str:
     """Return a refined value beside that of the datasheet, with its symbol and unit."""
-    symbol, joint = "torque" if term.name == "gravity" else term.numbers[0].symbol, judged.case.joint
+    joint = judged.case.joint
+    symbol = "torque" if term.name == "gravity" else term.numbers[0].symbol
     parameter = EFFECTS[term.name].parameter(symbol)
     if parameter is None:  # a number of the fit alone
         return f"{term.name} {value:.3g} for {nominal:.3g}"
