@@ -51,7 +51,7 @@ def test_friction_within_its_tolerance_is_refined(tmp_path: Path, structure: str
     assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(2.8, rel=0.02)  # type: ignore[union-attr]
 
 
-@pytest.mark.parametrize("level", [2.1, 2.9])
+@pytest.mark.parametrize("level", [2.1, 2.42, 2.9])
 def test_nothing_else_is_blamed_for_listed_friction_within_its_tolerance(
     tmp_path: Path, level: float
 ) -> None:
