@@ -188,10 +188,12 @@ def _report(
     # Without named effects there is no explanation: the nominal joint stays, with its values
     # refined within their tolerances if that leaves no gap.
     explains = bool(named)
-    if not explains and not found.left:
+    off: tuple[NamedEffect, ...] = ()
+    if not found.fit.model.effects and not found.left:
         far = _beyond_tolerance(found, problem.mean_square(all_before))
         off = _far_off(found, spread) if far else ()
-        named, found = off or named, found if off else replace(found, left=far)
+        named = (*off, *named)
+        found = found if off or explains else replace(found, left=far)
     refined = explains or not found.left
     fit = found.fit if explains else found.base
     if refined:
@@ -199,7 +201,7 @@ def _report(
     setting = problem.stages.setting
     nominal = Written(_nominal_fields(found), setting.joint)
     told = _refined(found, fit, spread) if refined else {}
-    shown = [effect for effect in named if effect.name not in MEASURES and explains]
+    shown = [effect for effect in named if effect.name not in MEASURES and effect not in off]
     models = steps(problem, fit, nominal, shown, told, record) if refined else [nominal]
     gap, rungs, replays = measure_gap(settings, models, held_out, shown)
     if not explains and gap.removed < 0.0:
@@ -231,8 +233,8 @@ def _report(
         return cautious(said, setting, held_out)
 
     fields = problem.fields(fit.model, fit.z)
-    if not explains:
-        own = {symbol for effect in named for symbol in effect.parameters}
+    if off:
+        own = {symbol for effect in off for symbol in effect.parameters}
         told = {symbol: row for symbol, row in told.items() if symbol not in own}
     diagnosis = Diagnosis(
         verdict=verdict(len(named), left),
@@ -306,7 +308,7 @@ def _far_off(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
         number = Interval(fields[n.field], ends[0], ends[1], quantities[n.field].unit)
         one = NamedEffect(
             name, n.stages[0], body, None, {n.field: number}, "tentative", EVEN_CHANCE, 0.0,
-            doubt="it is off by a few tolerances only, and another value may be instead",
+            doubt="it is off by a few tolerances only",
         )  # fmt: skip
         shares.append((abs(z), one))
     total = sum(z * z for z, _ in shares)
