@@ -24,6 +24,7 @@ from cjt_gym.gap.horizons.inverse import (
     spent,
 )
 from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.joint.joint import Joint
@@ -222,6 +223,40 @@ def test_cogging_is_read_off_the_torque_over_the_angle(arm: JointFile, seed: int
     assert "cogging" not in seen_in_torque(case.joint, case.logs, ["cogging"])
     plain = make_case([held_record(seed)], [], arm, get_structure("rigid"))
     assert "cogging" not in seen_in_torque(plain.joint, plain.logs)
+
+
+def ramps(cogging: float) -> Record:
+    """Return slow ramps of a light rotor by a PD controller, by a coarse and noisy encoder."""
+    rng, h, count, mass = np.random.default_rng(0), 1e-4, 100_000, 0.036
+    at = h * np.arange(count)
+    wanted = np.abs((0.3 * at) % 2.0 - 1.0)
+    q = speed = 0.0
+    rows = []
+    for k in range(count):
+        if k % 10 == 0:
+            slope = (wanted[min(k + 10, count - 1)] - wanted[k]) / (10.0 * h)
+            torque = 30.0 * (wanted[k] - q) + 1.2 * (slope - speed)
+            rows.append((at[k], q, torque))
+        speed += h / mass * (torque - 0.04 * speed + cogging * np.sin(126.0 * q))
+        q += h * speed
+    t, angle, torques = np.array(rows).T
+    angle = 4e-5 * np.round((angle + 2e-5 * rng.standard_normal(len(t))) / 4e-5)
+    columns = {"t": t, "q_m": angle, "i": torques + 0.03 * rng.standard_normal(len(t))}
+    return Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+
+
+def test_cogging_is_read_off_slow_ramps_though_the_acceleration_is_noise() -> None:
+    """Smoothed over ten milliseconds it is, so that no regression of it shows the wave."""
+    values = {"I_m": 0.03, "I_g": 0.0, "I_l": 0.0, "d_m": 0.04, "n": 1.0, "k_t": 1.0}
+    sheet = JointFile(JointParameters.from_values("rotor", values))
+    found = [
+        over_angle(case.joint, case.logs)
+        for case in (make_case([ramps(x)], [], sheet, get_structure("rigid")) for x in (0.3, 0.0))
+    ]
+    assert found[0] is not None
+    assert found[0].values[0] == pytest.approx(126.0, abs=0.3)
+    assert found[0].size == pytest.approx(0.3, rel=0.15)
+    assert found[1] is None
 
 
 @pytest.mark.slow
