@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,6 +74,23 @@ MOVED = 0.1
 
 Ask = Callable[[], Suggestion]
 """Function that suggests what to record next; slower than most of a diagnosis."""
+
+
+class Staged(NamedTuple):
+    """The diagnosis of the stages.
+
+    Attributes:
+        diagnosis: The diagnosis.
+        ask: Suggests the next record; None if the stages can tell nothing.
+        far_off: The same with datasheet values named that left their tolerances by little, for
+            where nothing else explains the rest; None if no value did.
+    """
+
+    diagnosis: Diagnosis
+    ask: Ask | None
+    far_off: Diagnosis | None = None
+
+
 COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
 """Channels of which the stages need at least one."""
 
@@ -85,8 +103,8 @@ def by_stages(
     progress: Progress,
     *,
     turnable: bool,
-) -> tuple[Diagnosis, Ask | None]:
-    """Return the diagnosis of the stages' one-step predictors, and what suggests the next record.
+) -> Staged:
+    """Return the diagnosis of the stages' one-step predictors.
 
     Args:
         whole: Stretches of the records to explain.
@@ -108,7 +126,7 @@ def by_stages(
         if isinstance(error, CjtGymError) and not _by_voltage(whole[0].record):
             raise
         why = str(error)
-        return nothing_said(file, shape, _records(fitted), _records(tested), why), None
+        return Staged(nothing_said(file, shape, _records(fitted), _records(tested), why), None)
 
 
 def _diagnosed(
@@ -118,7 +136,7 @@ def _diagnosed(
     file: JointFile,
     shape: Structure,
     progress: Progress,
-) -> tuple[Diagnosis, Ask]:
+) -> Staged:
     explanation, replayed = _explained(fitted, tested, file, shape, progress)
     if turnable and tested and _seen_elsewhere(explanation):
         progress("explaining the other record, which alone shows a gap")
@@ -131,7 +149,10 @@ def _diagnosed(
     replayed = [as_noisy(one, known) for one in replayed]
     source = source_of(file, shape, _records(fitted), _records(tested))
     title = title_of(fitted[0].record)
-    return _report(explanation, replayed or [known], bool(replayed), source, title)
+    shown = replayed or [known], bool(replayed), source, title
+    diagnosis, ask = _report(explanation, *shown)
+    off = _far_off(explanation)
+    return Staged(diagnosis, ask, _report(explanation, *shown, off)[0] if off else None)
 
 
 def _explained(
@@ -178,6 +199,7 @@ def _report(
     held_out: bool,
     source: Source,
     record: str,
+    off: tuple[NamedEffect, ...] = (),
 ) -> tuple[Diagnosis, Ask]:
     problem = found.problem
     spread = covariance(problem, found.fit)
@@ -188,12 +210,9 @@ def _report(
     # Without named effects there is no explanation: the nominal joint stays, with its values
     # refined within their tolerances if that leaves no gap.
     explains = bool(named)
-    off: tuple[NamedEffect, ...] = ()
-    if not found.fit.model.effects and not found.left:
-        far = _beyond_tolerance(found, problem.mean_square(all_before))
-        off = _far_off(found, spread) if far else ()
-        named = (*off, *named)
-        found = found if off or explains else replace(found, left=far)
+    named = (*off, *named)
+    if not explains and not found.left and not off:
+        found = replace(found, left=_beyond_tolerance(found, problem.mean_square(all_before)))
     refined = explains or not found.left
     fit = found.fit if explains else found.base
     if refined:
@@ -292,11 +311,18 @@ def _beyond_tolerance(found: Explanation, mean_square: Mapping[str, float]) -> t
     return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
 
 
-def _far_off(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
+def _far_off(found: Explanation) -> tuple[NamedEffect, ...]:
     """Return the effects of the datasheet values that left their tolerances and explain the rest.
 
     They are tentative: each may have left its own because another should have.
     """
+    if found.fit.model.effects or found.left:
+        return ()
+    stages, within = found.problem.stages, _within_tolerance(found)
+    rest = {name: stages.residual(name, within.fields) for name in stages.names}
+    if not _beyond_tolerance(found, found.problem.mean_square(rest)):
+        return ()
+    spread = covariance(found.problem, found.base)
     problem, quantities = found.problem, found.problem.stages.setting.joint.parameters.quantities
     fields, shares = problem.fields(Model(), found.base.z), []
     for k, (n, z) in enumerate(zip(problem.shared, found.base.z, strict=True)):

@@ -95,14 +95,18 @@ def diagnose(
     file = with_smoothing(file, shape, pieces)
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
         turnable = len(given) == len(held) == 1
-        found, ask = by_stages(pieces, stretches(held), file, shape, progress, turnable=turnable)
-        open_ = found.suggestion
-        found = replace(found, examination=exam)
+        staged = by_stages(pieces, stretches(held), file, shape, progress, turnable=turnable)
+        ask, open_ = staged.ask, staged.diagnosis.suggestion
+        found = replace(staged.diagnosis, examination=exam)
         if exam.at_rest:
             excluded = {row.name: row.why for row in exam.cannot_tell}
             found = allowed_by(_drive_alone(found, first, file, shape), excluded)
         else:
             found = judged(found, given, held, file, shape, progress)
+            bare = found.verdict != "no_gap" and all(e.name in MEASURES for e in found.effects)
+            if bare and staged.far_off is not None:
+                far_off = replace(staged.far_off, examination=exam)
+                found = judged(far_off, given, held, file, shape, progress)
             known = any("i" in one for one in given)
             found = at_the_floor(found, replace(file, structure=shape.name), measured=known)
         joint = with_sensors(found.joint, found.effects, title_of(given[0]))
