@@ -287,7 +287,10 @@ def _halted_rows(columns: Columns) -> Bools:
 
     Such logs jump when they go on, further than the joint ever moves within a row.
     """
-    rows = _same_rows({name: values for name, values in columns.items() if name != "t"})
+    rest = {name: values for name, values in columns.items() if name != "t"}
+    if not rest:
+        return np.zeros(_length(columns), dtype=bool)
+    rows = _same_rows(rest)
     edges = np.diff(rows.astype(int), prepend=0, append=0)
     begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
     length = ends - begins

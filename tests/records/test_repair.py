@@ -293,6 +293,11 @@ def test_a_log_that_stands_still_in_all_channels_is_marked_wherever_it_did() -> 
     assert not (marked & ~frozen).any()
 
 
+def test_a_log_of_times_alone_is_no_log_that_stands_still() -> None:
+    records, _ = repaired({"t": 1e-3 * np.arange(200)})
+    assert len(records[0]) == 200
+
+
 def test_a_joint_that_sticks_is_not_frozen() -> None:
     """It moves off from where it stood, however suddenly."""
     columns = motion(samples=6000)
