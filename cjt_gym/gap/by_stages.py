@@ -53,6 +53,7 @@ WITHIN = 2.5
 FAR = 3.0
 """Residual within tolerances, as a multiple of noise, above which there is a gap."""
 BOTH_ENDS = "Record torque and angles at both ends of the spring: tau, q_m and q_l."
+BY_ITSELF = "Measure the value that left its tolerance by itself, or correct it and diagnose again."
 BESIDE_SPRING = ("transmission", "sensing", "load")
 """Stages of which no effect is confirmed where spring and load cannot be told apart."""
 KNOWN = 0.7
@@ -262,7 +263,7 @@ def _report(
         effects=told_by(setting, fields, named),
         gap=gap,
         unexplained=_unexplained(left, said, missing, replayed=bool(hidden)),
-        suggestion=Suggestion(""),
+        suggestion=Suggestion(BY_ITSELF if off else ""),
         seconds=0.0,
         evidence=drawn,
         joint=identified_joint(setting, fields, named, told, record),

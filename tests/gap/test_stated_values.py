@@ -79,6 +79,7 @@ def test_the_stages_name_a_value_that_left_its_tolerance_by_little_if_nothing_el
     assert found.far_off.verdict == "explained"
     assert [(e.name, e.status) for e in found.far_off.effects] == [(name, "tentative")]
     assert found.far_off.effects[0].parameters[symbol].value == pytest.approx(value, rel=0.02)
+    assert "by itself" in found.far_off.suggestion.text
     known = found.far_off.joint.effects[name][symbol]
     assert known.number == pytest.approx(value, rel=0.02)  # type: ignore[union-attr]
     assert staged(sheet, sheet.file).far_off is None
