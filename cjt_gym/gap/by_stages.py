@@ -72,6 +72,8 @@ OF_VALUES = {
 """Effect and body of each datasheet value that may be off."""
 MOVED = 0.1
 """Share of the tolerance by which a fit may move it instead; some are only known jointly."""
+COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
+"""Channels of which the stages need at least one."""
 
 Ask = Callable[[], Suggestion]
 """Function that suggests what to record next; slower than most of a diagnosis."""
@@ -90,10 +92,6 @@ class Staged(NamedTuple):
     diagnosis: Diagnosis
     ask: Ask | None
     far_off: Diagnosis | None = None
-
-
-COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
-"""Channels of which the stages need at least one."""
 
 
 def by_stages(
@@ -337,10 +335,10 @@ def _far_off(found: Explanation) -> tuple[NamedEffect, ...]:
             name, n.stages[0], body, None, {n.field: number}, "tentative", EVEN_CHANCE, 0.0,
             doubt="it is off by a few tolerances only",
         )  # fmt: skip
-        shares.append((abs(z), one))
-    total = sum(z * z for z, _ in shares)
+        shares.append((z * z, one))
+    total = sum(share for share, _ in shares)
     ordered = sorted(shares, key=lambda pair: -pair[0])
-    return tuple(replace(one, gap_removed=z * z / total) for z, one in ordered)
+    return tuple(replace(one, gap_removed=share / total) for share, one in ordered)
 
 
 def _nominal_fields(found: Explanation) -> Fields:

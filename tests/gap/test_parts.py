@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.candidates.table import all_candidates
+from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.judged.replay import Written, replay
 from cjt_gym.gap.recorded.fields import LAW_SIZE, NEUTRAL, friction_law
 from cjt_gym.gap.recorded.noise import high_frequency_std, lattice_step, observed_jitter
@@ -20,6 +21,7 @@ from cjt_gym.gap.stages import prune
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Link, build_chain, kalman_gain
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fit import Model, Problem
+from cjt_gym.gap.stages.intervals import is_open
 from cjt_gym.gap.stages.kernel import friction_torque
 from cjt_gym.gap.stages.periodic import periodic_starts
 from cjt_gym.gap.stages.spring import slip, spring_torque
@@ -233,6 +235,14 @@ def test_derivatives_only_fill_the_stages_that_a_number_touches() -> None:
         for stage in problem.stages.names:
             if stage not in nuisance.stages:
                 assert not jacobian[stage][:, column].any()
+
+
+@pytest.mark.parametrize(("high", "expected"), [(9.9, True), (5.0, False)])
+def test_a_bandwidth_known_to_a_factor_of_ten_is_open(high: float, expected: bool) -> None:
+    setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
+    rows = all_candidates(setting, Problem.of(Stages(setting)).stages.names)
+    lag = next(row for row in rows if row.name == "current_lag")
+    assert is_open(lag, {"bandwidth": Interval(2.4, 0.6, high, "Hz")}) is expected
 
 
 def test_a_fit_that_begins_where_a_model_runs_away_ends_there() -> None:

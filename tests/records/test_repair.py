@@ -259,38 +259,32 @@ def test_rows_that_repeat_while_the_joint_moves_are_marked() -> None:
     assert not (marked & ~same).any()
 
 
-def test_channels_that_freeze_while_the_joint_moves_on_are_marked() -> None:
-    columns = motion(samples=6000)
-    rng = np.random.default_rng(5)
-    frozen = np.zeros(6000, dtype=bool)
+def halted(names: set[str]) -> tuple[dict, np.ndarray]:
+    """Return columns of which some stand still for 20 to 50 rows now and then, and where."""
+    columns, rng = motion(samples=6000), np.random.default_rng(5)
+    still = np.zeros(6000, dtype=bool)
     for begin in range(900, 5700, 300):
-        frozen[begin + 1 : begin + int(rng.integers(20, 50))] = True
-    newest = np.maximum.accumulate(np.where(frozen, 0, np.arange(6000)))
-    for name in ("q_m", "i"):  # the command goes on
-        columns[name] = columns[name][newest]
+        still[begin + 1 : begin + int(rng.integers(20, 50))] = True
+    newest = np.maximum.accumulate(np.where(still, 0, np.arange(6000)))
+    return columns | {name: columns[name][newest] for name in names}, still
+
+
+def test_channels_that_freeze_while_the_command_goes_on_are_marked() -> None:
+    columns, still = halted({"q_m", "i"})
     record, repairs = clean(as_record(columns))
     assert kinds(repairs) >= {("stale", "q_m"), ("stale", "i")}
     for name in ("q_m", "i"):
         marked = np.isnan(record[name])
-        assert (marked & frozen).sum() > 0.5 * frozen.sum()
-        assert not (marked & ~frozen).any()
+        assert (marked & still).sum() > 0.5 * still.sum()
+        assert not (marked & ~still).any()
 
 
-def test_a_log_that_stands_still_in_all_channels_is_marked_wherever_it_did() -> None:
+def test_a_log_that_stands_still_is_marked_wherever_it_did() -> None:
     """In a reversal, too, where the jump after it is small."""
-    columns = motion(samples=6000)
-    rng = np.random.default_rng(6)
-    frozen = np.zeros(6000, dtype=bool)
-    for begin in range(900, 5700, 400):
-        frozen[begin + 1 : begin + int(rng.integers(20, 50))] = True
-    newest = np.maximum.accumulate(np.where(frozen, 0, np.arange(6000)))
-    for name in set(columns) - {"t"}:
-        columns[name] = columns[name][newest]
+    columns, still = halted(set(motion(samples=6000)) - {"t"})
     record, repairs = clean(as_record(columns))
     assert ("stale", None) in kinds(repairs)
-    marked = np.isnan(record["q_m"])
-    assert (marked & frozen).sum() == frozen.sum()
-    assert not (marked & ~frozen).any()
+    assert np.array_equal(np.isnan(record["q_m"]), still)
 
 
 def test_a_log_of_times_alone_is_no_log_that_stands_still() -> None:

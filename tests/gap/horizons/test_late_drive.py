@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
@@ -25,3 +26,17 @@ def test_friction_and_a_late_drive_are_told_and_what_the_lateness_may_be() -> No
     assert time == pytest.approx(2.5 * DT, abs=0.25 * DT)
     assert late.status == "tentative"
     assert set(late.confusable_with) >= LATE - {late.name}
+
+
+def test_a_dead_time_is_that_beyond_a_log_s_own_row() -> None:
+    """A row holds a command and the current measured before it acted, a row late without any."""
+    made = record(late=4.0 * DT)
+    i = np.concatenate([np.zeros(5), made["i"][:-5]])
+    i += 0.005 * np.random.default_rng(0).standard_normal(len(i))
+    columns = {"t": made.t, "q_m": made["q_m"], "i_cmd": made["i"], "i": i}
+    units = {"t": "s", "q_m": "rad", "i_cmd": "A", "i": "A"}
+    found = diagnose(Record(columns, units), datasheet(1.0, 0.05), "rigid")
+    (late,) = (e for e in found.effects if e.name == "command_delay")
+    delay = late.parameters["delay"]
+    assert delay.low < 4.0 * DT < delay.high
+    assert delay.value == pytest.approx(4.0 * DT, abs=0.25 * DT)
