@@ -15,7 +15,7 @@ FINE, EVERY = 1e-3, 5
 INERTIA, DAMPING, K_T, R, RATIO = 0.4, 0.8, 0.05, 0.6, 50.0
 
 
-def by_voltage(damping: float) -> Record:
+def by_voltage(damping: float, k_t: float = K_T) -> Record:
     """Return 200 Hz rows of a geared joint whose voltage a 1 kHz loop sets."""
     t = FINE * np.arange(16_000)
     waves = (
@@ -27,7 +27,7 @@ def by_voltage(damping: float) -> Record:
     )
     wanted = sum(a * (np.sin(w * t + p) - np.sin(p)) for a, w, p in waves)
     pace = np.gradient(wanted, FINE)
-    gain, q, v, rows = RATIO * K_T, 0.0, float(pace[0]), []
+    gain, q, v, rows = RATIO * k_t, 0.0, float(pace[0]), []
     for k in range(len(t)):
         torque = 120.0 * (wanted[k] - q) + 9.0 * (pace[k] - v)
         volts = R * torque / gain + gain * v
@@ -60,6 +60,20 @@ def test_damping_is_no_torque_constant_inertia_or_dead_time() -> None:
     value = found.effects[0].parameters["d_m"]
     assert value.value == pytest.approx(damping, rel=0.1)
     assert value.low < damping < value.high
+
+
+def test_the_back_emf_tells_the_torque_constant() -> None:
+    """Damping of the datasheet is small beside it, so that neither inertia nor gap is left."""
+    k_t = 0.85 * K_T
+    found = diagnose(by_voltage(DAMPING, k_t), sheet())
+    (effect,) = found.effects
+    assert (found.verdict, effect.name, effect.status) == (
+        "explained",
+        "torque_constant",
+        "tentative",
+    )
+    assert effect.parameters["k_t"].low < k_t < effect.parameters["k_t"].high
+    assert found.gap.after < 0.05 * found.gap.before
 
 
 def test_an_exact_joint_has_no_gap() -> None:

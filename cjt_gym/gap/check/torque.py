@@ -32,7 +32,15 @@ FEWEST = 100
 
 @from_balance
 def torque_constant(view: View, balance: Balance) -> Verdict:
-    """Judge the torque constant, which requires a known torque to fix the overall scale."""
+    """Judge the torque constant, which requires a known torque to fix the overall scale.
+
+    With a voltage the torque that the back EMF takes away is one, next to which damping is small.
+    """
+    back = _back_emf(view)
+    if back > 0.0:
+        size = balance.least(back * balance["v"], ("a", "s", "one"))
+        if size <= CONSTANT:
+            return Seen(size, "-")
     if not view.cut and "tau_l" not in view:
         what = "used" if "tau" in view else "measured"
         why = f"no torque is {what}: inertia and friction, off by the same factor, look alike"
@@ -41,6 +49,13 @@ def torque_constant(view: View, balance: Balance) -> Verdict:
     if size <= CONSTANT:
         return Seen(size, "-")
     return Unseen(only_from(size, "-"), KNOWN_TORQUE)
+
+
+def _back_emf(view: View) -> float:
+    """Return the damping by the back EMF of a joint on a voltage [N m s/rad], otherwise 0."""
+    if view.drive != "v" or view.joint is None or view.joint.parameters.takes_volts:
+        return 0.0
+    return view.torque_per_input * view.value("k_t") * view.ratio
 
 
 @from_balance

@@ -261,6 +261,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
     mimicked = term.name in MIMICS and removed <= MUCH
     strained = _strained(judged, term)
     lagging = judged.case.logs[0].voltage and term.name not in LATE and bool(LATE & names)
+    by_voltage = judged.case.logs[0].voltage and term.name == "torque_constant"
     heated = term.name in SCALES and "thermal_derating" in names
     endless = term.name == "stribeck" and not _levelled(found.fit, index)
     doubts = (
@@ -272,6 +273,7 @@ def _named(judged: Judgement, spread: Spread, index: int, term: Term) -> NamedEf
         (_is_unfelt(judged, term), "the torque does not show it"),
         (endless, LEVELLESS),
         (lagging, "what delays its voltage stays open"),
+        (by_voltage, "damping and inertia, off together, may take its place"),
         (heated, "how warm the motor was when the log began stays open"),
         (delayed, "without the measured current, slow mechanics look the same"),
         (bool(judged.unexplained) or worst_row(judged).found >= LOUD, MUCH_LEFT),
