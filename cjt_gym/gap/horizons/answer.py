@@ -24,11 +24,12 @@ from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import drag_law
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.named import LATE, of_drive
+from cjt_gym.gap.horizons.named import of_drive
 from cjt_gym.gap.horizons.tell import horizons_of, retold
 from cjt_gym.gap.horizons.verdict import (
     BESIDE,
     DRIFTLESS,
+    LATE,
     NAMELESS,
     corrected,
     gave_way,

@@ -20,7 +20,7 @@ from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.verdict import is_unknown, is_usual_offset, worst_row
+from cjt_gym.gap.horizons.verdict import LATE, is_unknown, is_usual_offset, worst_row
 from cjt_gym.gap.horizons.windows import HORIZONS
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
 
@@ -54,8 +54,6 @@ LEAST_LEVEL = 0.2
 """Least friction that remains at speed, relative to the additional friction at rest."""
 SCALES = frozenset({"inertia", "torque_constant"})
 """Datasheet values that make up for heat of which the record does not tell when it began."""
-LATE = frozenset({"command_delay", "current_lag"})
-"""Effects that cannot be separated from slow mechanics without a measured current."""
 ALIKE = 0.1
 """Logarithm of the ratio of two inertias up to which they are alike."""
 FELT = 0.2
@@ -81,7 +79,10 @@ def effects_of(
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
         open_ = term.name in excluded and not _is_overwhelming(judged, k, excluded)
-        if there and term.told and not open_ and _deserves(judged, k, term, seen):
+        at_once = term.name in LATE and _follows_at_once(judged)
+        if at_once or open_ or not (there and term.told):
+            continue
+        if _deserves(judged, k, term, seen):
             effect = _named(judged, spread, k, term)
             if _may_be_as_stated(spread, term, effect) or _is_open(judged, effect):
                 continue
@@ -89,6 +90,16 @@ def effects_of(
     named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
     named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
     return tuple(sorted(named, key=lambda e: -e.gap_removed))
+
+
+def _follows_at_once(judged: Judgement) -> bool:
+    """Return whether a measured current follows its command without delay and lag.
+
+    What is late then between current and motion is the instants of the rows.
+    """
+    drive = judged.case.drive
+    at_once = drive is not None and not (drive.late or drive.lagging)
+    return at_once and judged.case.logs[0].drive == "i"
 
 
 def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:

@@ -21,6 +21,8 @@ INTERVAL = 0.95
 BENT = 0.05
 """Difference between the slopes to either side, relative to the larger or the usual one, from
 which a window jumps. Of smooth ones most differ by 0.002."""
+KEPT = 0.2
+"""Share of the windows, the least bent ones, that determine values even if all of them jump."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +82,9 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     scores, there = np.zeros((size, len(fit.z))), np.zeros(size, dtype=bool)
     moving = problem.windows.moving
     for key, e, j, moves in zip(problem.windows.keys, fit.errors, jacobian, moving, strict=True):
-        counted, share = bounded(e, moves)
+        amount, share = bounded(e, moves)
         factor = 2.0 * problem.strength * problem.weight(key)
-        factor /= (float(np.mean(counted)) + LEAST**2) * e.size
+        factor /= (float(np.mean(amount)) + LEAST**2) * e.size
         each = factor * np.einsum("wp,wpn->wn", e * share[:, None], j)
         pieces = problem.windows.pieces(key)
         np.add.at(scores, pieces, each)
@@ -106,6 +108,17 @@ def _slopes(problem: Problem, fit: Fit) -> list[Floats]:
     slopes = []
     for ahead, behind in zip(up, down, strict=True):
         size = np.maximum(np.abs(ahead), np.abs(behind)).max(axis=1)
-        bent = np.abs(ahead - behind).max(axis=1) > BENT * np.maximum(size, np.median(size, axis=0))
-        slopes.append(np.where(bent.any(axis=1)[:, None, None], 0.0, 0.5 * (ahead + behind)))
+        usual = np.maximum(np.maximum(size, np.median(size, axis=0)), LEAST**2)
+        bend = (np.abs(ahead - behind).max(axis=1) / usual).max(axis=1)
+        kept = counted(bend)[:, None, None]
+        slopes.append(np.where(kept, 0.5 * (ahead + behind), 0.0))
     return slopes
+
+
+def counted(bend: Floats) -> NDArray[np.bool_]:
+    """Return which windows determine values: those that do not jump, but never none.
+
+    Args:
+        bend: Relative difference of the slopes to either side of a window's values, shape (W,).
+    """
+    return bend <= max(BENT, float(np.quantile(bend, KEPT)))

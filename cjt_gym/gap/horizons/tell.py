@@ -13,11 +13,12 @@ from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
-from cjt_gym.gap.horizons.named import LATE, effects_of
+from cjt_gym.gap.horizons.named import effects_of
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.verdict import (
+    LATE,
     corrected,
     gap_of,
     is_usual_offset,

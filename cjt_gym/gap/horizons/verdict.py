@@ -39,6 +39,8 @@ REFINED = 0.1
 NAMELESS = "No cause is named; refined values predict better:"
 BESIDE = "Refined values predict better:"
 """What introduces values that differ from the datasheet without and beside a cause."""
+LATE = frozenset({"command_delay", "current_lag"})
+"""Effects that cannot be separated from slow mechanics without a measured current."""
 LEAST = "least squares"
 REGRESSED = (
     ("inertia", "inertia", "I_m"),
@@ -258,7 +260,7 @@ def refined(judged: Judgement, *, known: bool = False) -> str:
                 continue
             if _is_unseen(judged, term):
                 continue
-        within = term.name == "current_lag" and _within_a_row(judged, value, nominal)
+        within = term.name in LATE and _within_a_row(judged, term, value, nominal)
         much = abs(value - nominal) > REFINED * max(abs(value), abs(nominal))
         if not within and (much or far):
             said.append(_in_words(judged, term, value, nominal))
@@ -301,12 +303,12 @@ def _is_unseen(judged: Judgement, term: Term) -> bool:
     return not judged.found.worths[keys.index(term.key)].seen
 
 
-def _within_a_row(judged: Judgement, value: float, nominal: float) -> bool:
-    """Return whether two bandwidths [Hz] differ by less than the instants of a row may."""
-    if min(value, nominal) <= 0.0:
-        return False
-    apart = abs(1.0 / value - 1.0 / nominal) / (2.0 * np.pi)
-    return apart < 0.5 * judged.case.logs[0].dt
+def _within_a_row(judged: Judgement, term: Term, value: float, nominal: float) -> bool:
+    """Return whether delays [s] or bandwidths [Hz] differ by less than instants of a row may."""
+    late = [value, nominal]
+    if term.name == "current_lag":
+        late = [1.0 / (2.0 * np.pi * x) if x > 0.0 else np.inf for x in late]
+    return abs(late[0] - late[1]) < 0.5 * judged.case.logs[0].dt
 
 
 def is_usual_offset(judged: Judgement, name: str, torque: float) -> bool:

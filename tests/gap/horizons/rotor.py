@@ -36,6 +36,7 @@ def record(
     pushed: bool = False,
     back: tuple[float, float] | None = None,
     late: float = 0.0,
+    dt: float = DT,
 ) -> Record:
     """Return a record of the mass under slow and fast torques.
 
@@ -47,15 +48,16 @@ def record(
         gap: First and last instant of a stretch that is lost [s].
         pushed: Whether the torque is not the motor's but comes from outside, and is measured.
         late: Time by which the torque acts late, in whole fine steps [s].
+        dt: Time between two rows [s].
         back: Damping [N m s/rad] and Coulomb friction [N m] backward, where they differ.
     """
     rng = np.random.default_rng(seed)
-    t = np.arange(int(seconds / DT)) * DT
+    t = np.arange(int(seconds / dt)) * dt
     u = 0.35 * np.sin(2.0 * np.pi * 0.7 * t) + 0.25 * np.sin(2.0 * np.pi * 2.3 * t + 1.0)
     u += rng.uniform(-0.25, 0.25, 200)[(t / 0.3).astype(int) % 200]
     q = v = 0.0
     angle = np.zeros(len(t))
-    h = DT / FINE
+    h = dt / FINE
     acts = np.concatenate([np.zeros(round(late / h)), np.repeat(u, FINE)])
     for k in range(len(u)):
         angle[k] = q

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.named import LATE
+from cjt_gym.gap.horizons.verdict import LATE
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import DRY, DT, datasheet, record
+from tests.gap.horizons.rotor import DAMPING, DRY, DT, datasheet, record
 
 
 def test_friction_and_a_late_drive_are_told_and_what_the_lateness_may_be() -> None:
@@ -40,3 +42,18 @@ def test_a_dead_time_is_that_beyond_a_log_s_own_row() -> None:
     delay = late.parameters["delay"]
     assert delay.low < 4.0 * DT < delay.high
     assert delay.value == pytest.approx(4.0 * DT, abs=0.25 * DT)
+
+
+def test_a_current_that_follows_at_once_leaves_no_lateness_of_a_drive() -> None:
+    """Its noise is not specified; current and angle of a row may be half a row apart."""
+    made, clean = record(noise=6e-4, dt=1e-3), record(dt=1e-3)
+    columns = {"t": made.t, "q_m": made["q_m"], "i_cmd": clean["i"], "i": made["i"]}
+    units = {"t": "s", "q_m": "rad", "i_cmd": "A", "i": "A"}
+    sheet = datasheet(1.0, 0.2)
+    known = sheet.parameters.replace(
+        d_m=Quantity(DAMPING, "N m s/rad", "test", 0.3), k_t=Quantity(1.0, "N m/A", "test", 0.02)
+    )
+    dry = {"body": "motor", "d_cm": Quantity(DRY, "N m", "test", 0.2)}
+    sheet = replace(sheet, parameters=known, effects={"coulomb": dry})
+    found = diagnose(Record(columns, units), sheet, "rigid")
+    assert (found.verdict, found.effects) == ("no_gap", ())

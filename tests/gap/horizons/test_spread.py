@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.fit import Problem
 from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.spread import spread_of
+from cjt_gym.gap.horizons.spread import BENT, KEPT, counted, spread_of
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
@@ -44,3 +44,12 @@ def test_the_motion_of_a_joint_that_sticks_does_not_tell_its_torque_constant() -
     expected = found.factor * TOLERANCE / np.sqrt(2.0)
     assert 0.5 * expected < constant_half < 1.5 * expected
     assert 0.5 * expected < dry_half < 1.5 * expected
+
+
+def test_values_are_not_exact_where_every_window_jumps() -> None:
+    """Without any slope the covariance would be zero, and look like certainty."""
+    smooth, bent = np.full(40, 0.002), BENT * np.linspace(1.1, 9.0, 60)
+    assert list(counted(np.concatenate([bent, smooth]))) == [False] * 60 + [True] * 40
+    all_bent = counted(bent)
+    assert all_bent.sum() == round(KEPT * len(bent))
+    assert bent[all_bent].max() < bent[~all_bent].min()
