@@ -8,7 +8,14 @@ import numpy as np
 
 from cjt_gym.gap.check.bus import LOOP, bus
 from cjt_gym.gap.check.clock import clock
-from cjt_gym.gap.check.contradictions import angles, coarser, currents, spring, velocities
+from cjt_gym.gap.check.contradictions import (
+    angles,
+    coarser,
+    currents,
+    spring,
+    torques,
+    velocities,
+)
 from cjt_gym.gap.check.encoders import angles_apart
 from cjt_gym.gap.check.energy import foreign
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
@@ -210,6 +217,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (velocities, SLOPES),
     (currents, FACTOR),
     (angles, FACTOR),
+    (torques, FACTOR),
     (coarser, UNITS),
     (spring, UNITS),
     (_noise, SPECIFY),
