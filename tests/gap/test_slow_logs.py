@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.joint import JointFile
+from cjt_gym.gap.check import examine
+from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
@@ -63,7 +66,7 @@ def test_damping_is_no_torque_constant_inertia_or_dead_time() -> None:
 
 
 def test_the_back_emf_tells_the_torque_constant() -> None:
-    """Damping of the datasheet is small beside it, so that neither inertia nor gap is left."""
+    """The damping that the datasheet states is small beside that of the back EMF."""
     k_t = 0.85 * K_T
     found = diagnose(by_voltage(DAMPING, k_t), sheet())
     (effect,) = found.effects
@@ -74,6 +77,15 @@ def test_the_back_emf_tells_the_torque_constant() -> None:
     )
     assert effect.parameters["k_t"].low < k_t < effect.parameters["k_t"].high
     assert found.gap.after < 0.05 * found.gap.before
+
+
+def test_without_a_stated_damping_the_back_emf_does_not_tell_the_torque_constant() -> None:
+    stated, made, rigid = sheet(), by_voltage(DAMPING), get_structure("rigid")
+    unstated = replace(
+        stated, parameters=stated.parameters.replace(d_m=Quantity(DAMPING, "N m s/rad"))
+    )
+    assert "torque_constant" in examine(made, stated, rigid).can_tell
+    assert "torque_constant" not in examine(made, unstated, rigid).can_tell
 
 
 def test_an_exact_joint_has_no_gap() -> None:

@@ -200,6 +200,7 @@ def _swing(view: View) -> Sequence[str]:
 
 UNITS = "Map each channel with its unit, sign and side: --mapping."
 FACTOR = "Map that channel with its unit and side: --mapping."
+SCALES = "Correct k_t and n in the joint file, or map tau with its unit and side."
 SLOPES = "Map the velocity with its unit and scale, or correct the times of the rows."
 ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
 OTHERS = "Map the torque of what else moves the joint as tau_l, or record its motor alone."
@@ -217,7 +218,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (velocities, SLOPES),
     (currents, FACTOR),
     (angles, FACTOR),
-    (torques, FACTOR),
+    (torques, SCALES),
     (coarser, UNITS),
     (spring, UNITS),
     (_noise, SPECIFY),

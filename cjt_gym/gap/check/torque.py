@@ -34,13 +34,11 @@ FEWEST = 100
 def torque_constant(view: View, balance: Balance) -> Verdict:
     """Judge the torque constant, which requires a known torque to fix the overall scale.
 
-    With a voltage the torque that the back EMF takes away is one, next to which damping is small.
+    On a voltage, what the back EMF takes away is such a torque if the damping is known.
     """
-    back = _back_emf(view)
-    if back > 0.0:
-        size = balance.least(back * balance["v"], ("a", "s", "one"))
-        if size <= CONSTANT:
-            return Seen(size, "-")
+    size = _by_back_emf(view, balance)
+    if size <= CONSTANT:
+        return Seen(size, "-")
     if not view.cut and "tau_l" not in view:
         what = "used" if "tau" in view else "measured"
         why = f"no torque is {what}: inertia and friction, off by the same factor, look alike"
@@ -51,11 +49,24 @@ def torque_constant(view: View, balance: Balance) -> Verdict:
     return Unseen(only_from(size, "-"), KNOWN_TORQUE)
 
 
-def _back_emf(view: View) -> float:
-    """Return the damping by the back EMF of a joint on a voltage [N m s/rad], otherwise 0."""
+def _by_back_emf(view: View, balance: Balance) -> float:
+    """Return the least relative difference of a torque constant that the back EMF shows.
+
+    A torque constant larger by a share s looks like a damping lower by s (b - d), where b is that
+    of the back EMF and d the datasheet's, whose own uncertainty it must exceed.
+    """
     if view.drive != "v" or view.joint is None or view.joint.parameters.takes_volts:
-        return 0.0
-    return view.torque_per_input * view.value("k_t") * view.ratio
+        return float("inf")
+    known = view.joint.parameters.quantities
+    stated = [q for b in "mgl" if (q := known.get(f"d_{b}")) is not None and q.number > 0.0]
+    if not stated or any(q.guess or q.tolerance is None for q in stated):
+        return float("inf")
+    back = view.torque_per_input * view.value("k_t") * view.ratio
+    apart = back - sum(q.number for q in stated)
+    if apart <= 0.0:
+        return float("inf")
+    open_ = sum(q.number * (q.tolerance or 0.0) for q in stated) / apart
+    return max(balance.least(apart * balance["v"], ("a", "s", "one")), open_)
 
 
 @from_balance

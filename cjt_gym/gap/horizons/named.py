@@ -95,7 +95,7 @@ def effects_of(
 def _follows_at_once(judged: Judgement) -> bool:
     """Return whether a measured current follows its command without delay and lag.
 
-    What is late then between current and motion is the instants of the rows.
+    Any delay between current and motion then lies in the instants of the rows.
     """
     drive = judged.case.drive
     at_once = drive is not None and not (drive.late or drive.lagging)

@@ -116,9 +116,9 @@ def _slopes(problem: Problem, fit: Fit) -> list[Floats]:
 
 
 def counted(bend: Floats) -> NDArray[np.bool_]:
-    """Return which windows determine values: those that do not jump, but never none.
+    """Return the windows that determine values: those that do not jump, or the least bent ones.
 
     Args:
-        bend: Relative difference of the slopes to either side of a window's values, shape (W,).
+        bend: Relative difference of the slopes of each window to either side, shape (W,).
     """
     return bend <= max(BENT, float(np.quantile(bend, KEPT)))

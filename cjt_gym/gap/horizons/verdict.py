@@ -304,7 +304,7 @@ def _is_unseen(judged: Judgement, term: Term) -> bool:
 
 
 def _within_a_row(judged: Judgement, term: Term, value: float, nominal: float) -> bool:
-    """Return whether delays [s] or bandwidths [Hz] differ by less than instants of a row may."""
+    """Return whether delays [s] or bandwidths [Hz] differ by less than half a row."""
     late = [value, nominal]
     if term.name == "current_lag":
         late = [1.0 / (2.0 * np.pi * x) if x > 0.0 else np.inf for x in late]

@@ -329,13 +329,20 @@ def test_a_torque_against_its_spring_is_found() -> None:
 
 @pytest.mark.parametrize(("wrong", "said"), [(1.5, False), (4.0, True), (0.25, True)])
 def test_a_torque_constant_that_is_not_the_sensor_s_is_found(wrong: float, said: bool) -> None:
-    """Its noise allows a range, on one side of which alone the motor's torque must lie."""
+    """The range that is told holds the true factor."""
     held = get_structure("output_fixed_rigid_gearbox")
     sheet = nominal(k_t=wrong)
     told = [f for f in examine(simulate(friction=(1.5, 1.5)), sheet, held).faults if "k_t, n" in f]
     assert bool(told) == said
     for low, high in (map(float, re.findall(r"([0-9.]+) to ([0-9.]+) times", f)[0]) for f in told):
         assert 0.9 * low < 1.0 / wrong < 1.1 * high
+
+
+def test_a_turned_torque_has_no_other_scale() -> None:
+    held = get_structure("output_fixed_rigid_gearbox")
+    made = simulate(friction=(1.5, 1.5))
+    turned = replace(made, columns={**made.columns, "tau": -made["tau"]})
+    assert not any("k_t, n" in fault for fault in examine(turned, nominal(), held).faults)
 
 
 @pytest.mark.parametrize("most", [0.5, 1.0, 2.0])

@@ -48,8 +48,8 @@ def record(
         gap: First and last instant of a stretch that is lost [s].
         pushed: Whether the torque is not the motor's but comes from outside, and is measured.
         late: Time by which the torque acts late, in whole fine steps [s].
-        dt: Time between two rows [s].
         back: Damping [N m s/rad] and Coulomb friction [N m] backward, where they differ.
+        dt: Time between two rows [s].
     """
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds / dt)) * dt

@@ -44,7 +44,7 @@ def test_a_dead_time_is_that_beyond_a_log_s_own_row() -> None:
     assert delay.value == pytest.approx(4.0 * DT, abs=0.25 * DT)
 
 
-def test_a_current_that_follows_at_once_leaves_no_lateness_of_a_drive() -> None:
+def test_a_current_that_follows_at_once_means_no_late_drive() -> None:
     """Its noise is not specified; current and angle of a row may be half a row apart."""
     made, clean = record(noise=6e-4, dt=1e-3), record(dt=1e-3)
     columns = {"t": made.t, "q_m": made["q_m"], "i_cmd": clean["i"], "i": made["i"]}
