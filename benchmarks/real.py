@@ -26,7 +26,10 @@ COUNTED = (0.1, 0.5)
 
 def one(folder: Path, fit: Sequence[str], validate: Sequence[str]) -> Diagnosis:
     """Return the diagnosis of a case."""
-    fitted, held = ([read_record(folder / f"{n}.npz") for n in names] for names in (fit, validate))
+    fitted, held = (
+        [read_record(folder / f"{n}.npz", allow_nan=True) for n in names]
+        for names in (fit, validate)
+    )
     return diagnose(fitted, validate=held)
 
 
