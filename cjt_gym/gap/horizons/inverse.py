@@ -66,6 +66,9 @@ LIKELY = 2.0
 BENT = 0.3
 """Least share of the error that friction over a path must remove from a regression that has the
 sign of the speed in its place."""
+SWINGS = 0.5
+"""For a body that swings by itself: share of the acceleration that its angle may leave open, and
+ratio of its torque to that of its weight."""
 SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
 """Effects of each start."""
 
@@ -201,6 +204,29 @@ def feels_weight(joint: Joint, logs: Sequence[Log]) -> bool:
     full, less = (_predicted(columns, torque, n)[0] for n in ([*PLACES], beside))
     share, clear = _gain("gravity", full, less)
     return share >= SPENT and clear >= CLEAR
+
+
+def swinging(joint: Joint, logs: Sequence[Log]) -> tuple[float, float] | None:
+    """Return the weight (cosine, sine) of a body that swings by itself; None if it does not.
+
+    A small torque hardly drives such a body, so that noise of its acceleration hides inertia and
+    weight from a regression of the torque. A regression of the acceleration shows both.
+    """
+    columns, torque = _moving(joint, logs)
+    if len(torque) < BLOCKS * SHORTEST:
+        return None
+    acceleration, pull = columns[:, 0], columns[:, 3:]
+    own = pull @ np.linalg.lstsq(pull, acceleration, rcond=None)[0]
+    if np.var(acceleration - own) > SWINGS * np.var(acceleration):
+        return None
+    others = np.column_stack([torque, columns[:, 1:]])
+    ratios = np.linalg.lstsq(others, acceleration, rcond=None)[0]
+    if ratios[0] <= 0.0:
+        return None
+    weight = -ratios[-2:] / ratios[0]
+    if np.mean(torque**2) > SWINGS**2 * np.mean((columns[:, -2:] @ weight) ** 2):
+        return None
+    return float(weight[0]), float(weight[1])
 
 
 def drag_law(joint: Joint, logs: Sequence[Log]) -> str:

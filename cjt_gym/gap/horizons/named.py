@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.by_torque import AGREES, agrees, either, inertia_by_to
 from cjt_gym.gap.horizons.fit import MOTION, Fit
 from cjt_gym.gap.horizons.grow import is_needed, leave
 from cjt_gym.gap.horizons.held import held_alike
-from cjt_gym.gap.horizons.inverse import DRAGS, feels_weight, inverse
+from cjt_gym.gap.horizons.inverse import DRAGS, feels_weight, inverse, swinging
 from cjt_gym.gap.horizons.judge import LOUD, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.rows import scales_of
@@ -223,6 +223,7 @@ def _weighs(judged: Judgement, values: Sequence[float]) -> bool:
     known = [e["gravity"] for e in (x.effects for x in inverse(joint, logs)) if "gravity" in e]
     if joint.structure_row.size > 1 or not known:
         return True
+    known += [own] if (own := swinging(joint, logs)) is not None else []
     off = min(np.hypot(x - values[0], y - values[1]) for x, y in known)
     return bool(off < AGREES * np.hypot(values[0], values[1]))
 
