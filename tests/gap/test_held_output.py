@@ -14,7 +14,7 @@ from cjt_gym.gap.check.pieces import ORDER, smooth
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.drive import fit_drive
 from cjt_gym.gap.horizons.held import held_alike
-from cjt_gym.gap.horizons.judge import Judgement, Row
+from cjt_gym.gap.horizons.judgement import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.rows import candidates, scales_of

@@ -14,7 +14,7 @@ from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.judge import Judgement, Row
+from cjt_gym.gap.horizons.judgement import Judgement, Row
 from cjt_gym.gap.horizons.model import Draft, drafted
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.verdict import corrected, unexplained_of, verdict_of

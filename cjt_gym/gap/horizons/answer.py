@@ -22,7 +22,8 @@ from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import drag_law
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
+from cjt_gym.gap.horizons.judge import Progress, judge
+from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import of_drive
 from cjt_gym.gap.horizons.tell import horizons_of, retold

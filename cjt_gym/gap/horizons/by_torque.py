@@ -13,7 +13,7 @@ from scipy.stats import t as student
 
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
 from cjt_gym.gap.horizons.inverse import inverse
-from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.model import Term, motor_inertia
 from cjt_gym.gap.horizons.spent import BLOCKS, Spent
 from cjt_gym.joint import EFFECTS, Joint

@@ -48,6 +48,12 @@ class Case:
     drive: DriveFit | None
     apart: bool = False
 
+    @property
+    def cut(self) -> bool:
+        """Whether a measured torque cuts the joint into stages, which makes them sharper."""
+        sprung = self.joint.structure_row.has_spring
+        return sprung and any("tau" in log.measured for log in self.logs)
+
 
 def make_case(
     records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.evidence import Evidence
 from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
-from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.windows import WHOLE, Group, Windows
 from cjt_gym.joint import Joint

@@ -11,7 +11,7 @@ from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, 
 from cjt_gym.gap.horizons.allowed import with_rivals
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
+from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.named import effects_of
 from cjt_gym.gap.horizons.pictured import pictured

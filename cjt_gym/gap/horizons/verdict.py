@@ -18,7 +18,7 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
+from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.by_torque import inertia_by_torque
-from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import spread_of
 from cjt_gym.gap.joint_file import identified

@@ -18,14 +18,15 @@ from cjt_gym.gap.horizons.allowed import allowed_by
 from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
+from cjt_gym.gap.horizons.choice import _loses
 from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.held import held_alike
-from cjt_gym.gap.horizons.judge import NEAR, Judgement, Row, _loses
+from cjt_gym.gap.horizons.judgement import NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.named import _deserves, _may_be_as_stated
+from cjt_gym.gap.horizons.nameable import is_named, may_be_as_stated
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
@@ -58,10 +59,10 @@ def test_a_weight_that_the_torque_of_a_single_mass_does_not_show_is_not_told(cas
     found = Found(fit, base, (CLEAR,) * (at + 1), ((),) * (at + 1), (base,) * (at + 1))
     judged = Judgement(case, "found", case.joint, (), found=found)
     shown: Any = SimpleNamespace(values=fit.model.values(fit.z)[at])
-    assert not _deserves(judged, at, weight, {"coulomb": shown})
-    assert _deserves(judged, at, weight, {"coulomb": shown, "gravity": shown})
+    assert not is_named(judged, at, weight, {"coulomb": shown})
+    assert is_named(judged, at, weight, {"coulomb": shown, "gravity": shown})
     unknown = replace(case, logs=tuple(replace(log, measured={}) for log in case.logs))
-    assert _deserves(replace(judged, case=unknown), at, weight, {}), "no regression, no refutation"
+    assert is_named(replace(judged, case=unknown), at, weight, {}), "no regression, no refutation"
 
 
 @pytest.mark.parametrize(("factor", "torn"), [(2.0, True), (1.0, False)])
@@ -238,8 +239,8 @@ def test_a_damping_that_may_be_as_stated_is_no_cause(
     )  # fmt: skip
     fit = Fit(Model(case.joint, (stated,)), np.zeros(1), 0.0, [])
     spread = Spread(fit, np.zeros((1, 1)), 2.0)
-    assert _may_be_as_stated(spread, stated, effect) == same
-    assert not _may_be_as_stated(spread, replace(stated, nominal=(0.0,)), effect)
+    assert may_be_as_stated(spread, stated, effect) == same
+    assert not may_be_as_stated(spread, replace(stated, nominal=(0.0,)), effect)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from cjt_gym.gap.horizons.case import Case, late, make_case
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added, allowed, is_needed
-from cjt_gym.gap.horizons.judge import Judgement, Row
+from cjt_gym.gap.horizons.judgement import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import Draft, Model, drafted
 from cjt_gym.gap.horizons.named import _levelled

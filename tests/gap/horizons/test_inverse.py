@@ -23,7 +23,7 @@ from cjt_gym.gap.horizons.inverse import (
     seen_in_torque,
     spent,
 )
-from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, get_structure, load_joint_file

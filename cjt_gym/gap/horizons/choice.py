@@ -1,0 +1,122 @@
+"""Which of several joints is the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.horizons.base_rows import stated_friction
+from cjt_gym.gap.horizons.case import Case
+from cjt_gym.gap.horizons.fit import Problem
+from cjt_gym.gap.horizons.judgement import LOUD
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, relative, worse
+from cjt_gym.joint import Joint
+from cjt_gym.joint.effects import PACKAGED
+
+Floats = NDArray[np.float64]
+Key = tuple[str, float]
+WORSE = 1.02
+"""Ratio to the relative error of datasheet or least squares up to which a joint is no worse."""
+WORSE_AT_ONCE = 1.2
+"""The same at the shortest horizon, which depends more on the measured start than on the joint."""
+ORDER = ("stages", "found", "base")
+"""Order in which joints are preferred that predict as well."""
+SAME = 1.0
+"""Cost difference up to which the first of several joints is the answer."""
+MISS = 1.25
+"""Ratio to the datasheet's relative error above which the stages of a cut joint are rejected: they
+fit the offsets and delays of each record, which its joint does not contain."""
+CLEARLY = 0.4
+"""Logarithm of the mean square by which a search must beat the stages of a cut joint."""
+
+
+def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) -> str:
+    """Return the name of the joint that is the answer."""
+    blank = Model(case.joint)
+    errors = {name: case.test.errors(joint) for name, joint in joints.items()}
+    costs = {name: test.cost(blank, np.zeros(0), e) for name, e in errors.items()}
+    sound = [n for n in joints if is_no_worse(case, joints, n)]
+    if "stages" in joints and not case.cut and _deaf(case, errors["stages"]):
+        joints = {n: joint for n, joint in joints.items() if n != "stages"}
+        sound = [n for n in sound if n != "stages"]
+    vague = has_vague_friction(case.joint)
+    for name in (n for n in (("found", "base", "stages") if vague else ORDER) if n in joints):
+        others = [costs[n] for n in sound if n != name]
+        cut = name == "stages" and case.cut
+        if cut and "found" in sound and _loses(case, enough, errors["stages"], errors["found"]):
+            continue
+        sharper = cut and not _is_own(joints.get("found"), case.joint)
+        sharper = sharper or (vague and name != "stages")
+        allowance = CLEARLY * test.strength if sharper else SAME
+        if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
+            return name
+    return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
+
+
+def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
+    """Return whether a joint predicts no worse than datasheet and least squares at any horizon.
+
+    Where it predicts worse than motion at constant speed, it must not be worse than the fit without
+    effects, either. Nor may bristles help only where it is known how they were bent before.
+    """
+    parts = [case.test, case.all]
+    if "presliding" in joints[name].effects:
+        parts.append(case.test.alone())
+    for windows in {id(w): w for w in parts}.values():
+        errors = windows.errors(joints[name])
+        own = relative(windows, errors)
+        slack = {key: _slack(key) for key in windows.keys}
+        for other in {"datasheet", "least squares", "base"} & joints.keys() - {name}:
+            lost = worse(windows, errors, windows.errors(joints[other]), slack)
+            if lost and (
+                other != "base" or any(own[k] > 1.0 for k in lost if k[1] > min(HORIZONS))
+            ):
+                return False
+    return True
+
+
+def sound_stages(case: Case, joints: dict[str, Joint]) -> str:
+    """Return "stages" unless the datasheet predicts a cut joint clearly better."""
+    kinds = [("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)]
+    own, other = (relative(case.test, case.test.errors(joints[n])) for n in ("stages", "datasheet"))
+    worse = any(own[k] > MISS * max(other[k], TRIVIAL) for k in kinds if k in own)
+    return "datasheet" if worse else "stages"
+
+
+def fails(case: Case, enough: float, errors: dict[Key, float]) -> bool:
+    """Return whether the stages leave much of a held output's torque unexplained."""
+    held = case.joint.structure_row.output_fixed and case.joint.structure_row.size == 1
+    return held and errors.get(("tau", WHOLE), 0.0) > enough
+
+
+def has_vague_friction(joint: Joint) -> bool:
+    """Return whether the stages take friction as given that a joint file gives with a tolerance.
+
+    What the friction lacks within it, they find in the torque constant and all that scales with it.
+    """
+    return bool(stated_friction(joint)) and not joint.structure_row.has_spring
+
+
+def _slack(key: Key) -> float:
+    """Return the ratio to another joint's relative error up to which a joint is no worse."""
+    return WORSE_AT_ONCE if key[1] == min(HORIZONS) else WORSE
+
+
+def _loses(case: Case, enough: float, stages: Sequence[Floats], found: Sequence[Floats]) -> bool:
+    """Return whether a search predicts whole pieces of a held output clearly better."""
+    own, other = (relative(case.test, errors) for errors in (stages, found))
+    whole = [key for key in own if key[1] == WHOLE and own[key] > enough]
+    return any(2.0 * np.log(own[key] / max(other[key], TRIVIAL)) > CLEARLY for key in whole)
+
+
+def _is_own(found: Joint | None, nominal: Joint) -> bool:
+    """Return whether a search has found an effect unknown to the stages."""
+    return found is not None and not PACKAGED.issuperset(found.effects.keys() - nominal.effects)
+
+
+def _deaf(case: Case, errors: Sequence[Floats]) -> bool:
+    """Return whether a joint hardly predicts its angle over the longest horizon."""
+    return relative(case.test, errors).get(("q_m", max(HORIZONS)), 0.0) > LOUD

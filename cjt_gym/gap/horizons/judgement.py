@@ -1,0 +1,90 @@
+"""What is found of a case: how several joints predict, and which is the answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.diagnosis import Horizon
+from cjt_gym.gap.horizons.case import Case
+from cjt_gym.gap.horizons.fit import Problem
+from cjt_gym.gap.horizons.found import Found
+from cjt_gym.gap.horizons.predictable import Predictable
+from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL
+from cjt_gym.gap.horizons.worth import Worth
+from cjt_gym.joint import Joint
+
+Floats = NDArray[np.float64]
+NEAR = 0.2
+"""Relative error above which a search looks for a better joint than that of the stages."""
+LOUD = 0.6
+"""Relative error, except at the shortest horizon, above which nothing counts as explained."""
+LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
+"""Share of an error, and number of its deviations, above which it counts as predictable."""
+
+
+@dataclass(frozen=True)
+class Row(Horizon):
+    """One row of the table of horizons; 0 s stands for a whole piece of a held output.
+
+    Attributes:
+        left: Predictable part of the answer's error.
+    """
+
+    left: Predictable | None
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether the remaining error is clearly above the unpredictable part."""
+        return self.left is not None and is_left(self.found, self.left)
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """Predictions of several joints, and which joint is the answer.
+
+    Attributes:
+        case: The records.
+        answer: "datasheet", "least squares", "stages" or "found".
+        joint: The joint that is the answer.
+        rows: The table of horizons.
+        found: Result of the search, if there was one.
+        tests: Worth of each term of the search on held-out data.
+        problem: The problem that the search was fitted to.
+        contradicted: How held-out records contradict those that were fitted, if they do.
+        errors: Errors of each joint that was judged, on held-out data.
+    """
+
+    case: Case
+    answer: str
+    joint: Joint
+    rows: tuple[Row, ...]
+    found: Found | None = None
+    tests: tuple[Worth, ...] = ()
+    problem: Problem | None = None
+    contradicted: str = ""
+    errors: dict[str, list[Floats]] = field(default_factory=dict)
+
+    @property
+    def cut(self) -> bool:
+        """Whether a measured torque cuts the joint into stages."""
+        return self.case.cut
+
+    @property
+    def unexplained(self) -> tuple[Row, ...]:
+        """Rows with a predictable remaining error.
+
+        An error at the shortest horizon alone comes from the measured start and does not count if
+        everything further ahead is predicted.
+        """
+        further = [row for row in self.rows if row.seconds != min(HORIZONS)]
+        if further and all(row.found < TRIVIAL for row in further):
+            return ()
+        return tuple(row for row in self.rows if row.unexplained)
+
+
+def is_left(error: float, one: Predictable) -> bool:
+    """Return whether an error is clearly above its unpredictable part."""
+    return error > TRIVIAL and one.share > LEFT_SHARE and one.share > LEFT_CLEAR * one.deviation
