@@ -8,13 +8,13 @@ torque, they still show where the torque goes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
-from scipy.signal import savgol_filter
+from scipy.ndimage import binary_erosion, convolve1d
 
 from cjt_gym.gap.horizons.bristles import FEWEST as FEWEST_WAYS
 from cjt_gym.gap.horizons.bristles import bent, paths, ways
@@ -33,7 +33,7 @@ from cjt_gym.gap.horizons.spent import (
     predicted,
     steady_gain,
 )
-from cjt_gym.gap.recorded.tolerances import VAGUE, tolerance_of
+from cjt_gym.gap.recorded.tolerances import VAGUE, stated, tolerance_of
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -206,6 +206,29 @@ def feels_weight(joint: Joint, logs: Sequence[Log]) -> bool:
     return share >= SPENT and clear >= CLEAR
 
 
+def is_inertia_alone_off(joint: Joint, logs: Sequence[Log]) -> bool:
+    """Return whether the torque shows another inertia beside the friction that is stated.
+
+    With another torque constant instead, inertia and friction would differ by the same factor.
+    """
+    own, file = body_group(joint.structure_row, "m"), joint.file
+    inertia, damping = (sum(joint.parameters.get(f"{x}_{b}", 0.0) for b in own) for x in "Id")
+    level = joint.effects.get("coulomb", {}).get("d_cm", 0.0)
+    known = stated(file, "coulomb", "d_cm")
+    found = [x for x in inverse(joint, logs) if {*x.effects} - {"coulomb"} <= {*joint.effects}]
+    pairs = []
+    if isinstance(level, float) and level > 0.0 and known is not None and known.tolerance:
+        pairs += [(one.inertia, one.effects["coulomb"][0] / level) for one in found]
+    if damping > 0.0 and any(math.isfinite(tolerance_of(file, f"d_{b}", math.inf)) for b in own):
+        pairs += [(one.inertia, one.damping / damping) for one in found]
+    spread = min(tolerance_of(file, f"I_{b}", VAGUE) for b in own)
+    return bool(pairs) and all(
+        min(x, ratio) > 0.0
+        and abs(math.log(x / inertia)) > max(OUTSIDE * spread, 2.0 * abs(math.log(ratio)))
+        for x, ratio in pairs
+    )
+
+
 def swinging(joint: Joint, logs: Sequence[Log]) -> tuple[float, float] | None:
     """Return the weight (cosine, sine) of a body that swings by itself; None if it does not.
 
@@ -231,13 +254,10 @@ def swinging(joint: Joint, logs: Sequence[Log]) -> tuple[float, float] | None:
 
 def drag_law(joint: Joint, logs: Sequence[Log]) -> str:
     """Return how the drag departs from growing in proportion to the speed; "" if it does not."""
-    columns, torque = _moving(joint, logs)
+    columns, torque = _moving(joint, logs, squared=True)
     if len(torque) < BLOCKS * SHORTEST:
         return ""
-    speed = columns[:, 1]
-    plain, bent_too = (
-        predicted(x, torque) for x in (columns, np.column_stack([columns, speed * np.abs(speed)]))
-    )
+    plain, bent_too = (predicted(x, torque) for x in (columns[:, :-1], columns))
     share, clear = gain(bent_too[0], plain[0])
     if share < SPENT or max(clear, steady_gain(bent_too[0], plain[0])) < LIKELY:
         return ""
@@ -270,22 +290,46 @@ def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[F
 
 
 def _moving(
-    joint: Joint, logs: Sequence[Log], wave: Spent | None = None, path: float = 0.0
+    joint: Joint,
+    logs: Sequence[Log],
+    wave: Spent | None = None,
+    path: float = 0.0,
+    *,
+    squared: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Return regressors and torque over all records; empty if a required channel is missing."""
+    """Return regressors and torque over all records; empty if a required channel is missing.
+
+    A last regressor is the square of the speed, with its sign, where that is asked for.
+    """
     sprung = joint.structure_row.has_spring
     usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
     if not usable or any(log.voltage and "r" not in joint.parameters for log in usable):
-        return np.zeros((0, 6)), np.zeros(0)
+        return np.zeros((0, 6 + squared)), np.zeros(0)
     parts = [_columns(joint, log, sprung, wave, path) for log in usable]
-    columns, torque = zip(*parts, strict=True)
-    return np.concatenate(columns), np.concatenate(torque)
+    columns, fine, square, torque = (np.concatenate(x) for x in zip(*parts, strict=True))
+    if not path:
+        finer = columns.copy()
+        finer[:, 2] = fine
+        columns = min((columns, finer), key=lambda x: _left_by(x, torque))
+    return (np.column_stack([columns, square]) if squared else columns), torque
+
+
+def _left_by(columns: Floats, torque: Floats) -> float:
+    """Return the squared error of a regression."""
+    values = np.linalg.lstsq(columns, torque, rcond=None)[0]
+    return float(np.sum((columns @ values - torque) ** 2))
 
 
 def _columns(
     joint: Joint, log: Log, sprung: bool, wave: Spent | None, path: float
-) -> tuple[Floats, Floats]:
-    """Return the regressors where the joint moves, shape (M, 6), and the motor's torque, (M,)."""
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the regressors where the joint moves, and the motor's torque.
+
+    Returns:
+        The regressors, shape (M, 6). The sign of the speed once more, averaged as torques are,
+        shape (M,): it is sharper where motion is fast, and noise where the angle is coarse. The
+        square of the speed with its sign, and the torque, shape (M,).
+    """
     p = joint.parameters
     count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
     torque = p.k_t * p.n * log.command
@@ -296,12 +340,25 @@ def _columns(
         f, cosine, sine = wave.values
         turned = f * log.measured["q_m"]
         torque = torque + cosine * np.cos(turned) + sine * np.sin(turned)
-    q, v, a = (
-        savgol_filter(log.measured["q_m"], count, 2, deriv=k, delta=log.dt) for k in range(3)
-    )
+    angle = log.measured["q_m"]
+    rise, bend = np.gradient(angle, log.dt), np.diff(angle, 2, prepend=angle[0], append=angle[-1])
+    turn = np.sign(log.speed)
+    channels = (angle, rise, bend / log.dt**2, turn, turn * log.speed**2, torque)
+    q, v, a, fine, square, torque = _averaged(channels, count)
     usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
-    whole = binary_erosion(log.whole, iterations=count // 2, border_value=1)
+    whole = binary_erosion(log.whole, iterations=count // 2, border_value=0)
     use = whole & (np.abs(v) > usual)
     dry = bent(q, path) if path else np.sign(v)
     columns = np.stack([a, v, dry, -np.ones_like(v), np.cos(q), np.sin(q)], axis=1)
-    return columns[use], savgol_filter(torque, count, 2)[use]
+    return columns[use], fine[use], square[use], torque[use]
+
+
+def _averaged(channels: Sequence[Floats], count: int) -> list[Floats]:
+    """Return channels averaged over so many samples, with the weights (1 - x^2)^2.
+
+    All are averaged alike, so that fast motion is damped alike in torque and acceleration: a
+    parabola fitted to the angle damps its second derivative more than a torque, and an inertia of
+    fast motion came out a quarter too large.
+    """
+    weights = (1.0 - np.linspace(-1.0, 1.0, count + 2)[1:-1] ** 2) ** 2
+    return [convolve1d(x, weights / weights.sum(), mode="nearest") for x in channels]

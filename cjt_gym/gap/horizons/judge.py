@@ -24,7 +24,7 @@ from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.imposed import freed_from
 from cjt_gym.gap.horizons.instants import lateness
-from cjt_gym.gap.horizons.inverse import ONE_WAY, seen_in_torque
+from cjt_gym.gap.horizons.inverse import ONE_WAY, is_inertia_alone_off, seen_in_torque
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row, is_left
 from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.own_rows import own_terms
@@ -50,6 +50,8 @@ DEAFER = 1.0
 its better predictions do not count against a term of another."""
 KEPT = 0.1
 """Relative deviation that the final fit allows the inertia."""
+CONSTANT = "torque_constant"
+"""What all other values make up for, off in proportion, where no torque is measured."""
 BALANCED = 3
 """Maximum number of times that the weights of horizons where a joint is worse are doubled."""
 
@@ -78,6 +80,8 @@ def judge(
     """
     progress("predicting up to half a second ahead")
     own = own_terms(case.joint, scales_of(case.joint, case.logs))
+    if CONSTANT in suspects and not case.cut and is_inertia_alone_off(case.joint, case.logs):
+        stages, suspects = None, [name for name in suspects if name != CONSTANT]
     joints = {"datasheet": case.joint}
     ls = least_squares(case.joint, case.logs)
     if ls is not None:
@@ -149,8 +153,9 @@ def _proposed(
     if "gravity" in seen and not any(t.name == "gravity" for t in may):
         may.append(gravity(case.joint, scales))
     loose = freed(base.terms)
-    if not case.cut and any(t.name == "gravity" and t.restated for t in may):
-        loose = [t for t in loose if t.name != "torque_constant"]  # all but a payload would scale
+    weighed = any(t.name == "gravity" and t.restated for t in may)
+    if not case.cut and (weighed or is_inertia_alone_off(case.joint, case.logs)):
+        loose = [t for t in loose if t.name != CONSTANT]  # all but one value would scale with it
     return base, likelier([*may, *own, *loose], seen)
 
 

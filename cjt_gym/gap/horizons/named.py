@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -31,6 +32,7 @@ from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import LATE, is_unknown, worst_row
+from cjt_gym.gap.recorded.tolerances import VAGUE, tolerance_of
 
 FIRM = 2.0
 """Multiple of its price above which an effect may be confirmed."""
@@ -125,10 +127,16 @@ def _as_plain(effect: NamedEffect) -> NamedEffect:
         return effect
     low, high = min(one.low, two.low), max(one.high, two.high)
     both = replace(one, value=0.5 * (one.value + two.value), low=low, high=high)
-    others = tuple(n for n in effect.confusable_with if n != "coulomb")
-    return replace(
-        effect, name="coulomb", parameters={symbol: both}, confusable_with=(effect.name, *others)
-    )
+    alike = (effect.name, *(n for n in effect.confusable_with if n != "coulomb"))
+    told = _instead(effect.confusable_with)
+    doubt = effect.doubt.replace(told, _instead(alike))
+    numbers = {symbol: both}
+    return replace(effect, name="coulomb", parameters=numbers, confusable_with=alike, doubt=doubt)
+
+
+def _instead(alike: Sequence[str]) -> str:
+    """Return the doubt about an effect that others may replace."""
+    return f"{' or '.join(alike)} may take its place"
 
 
 def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:
@@ -197,7 +205,7 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
     names = {t.name for t in found.fit.model.terms}
     strained = _strained(judged, term)
     doubts = (
-        (bool(alike), f"{' or '.join(alike)} may take its place"),
+        (bool(alike), _instead(alike)),
         (
             term.restated and not worth.seen,
             "other values of the datasheet, off in proportion, may take its place",
@@ -222,6 +230,10 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
             "damping and inertia, off together, may take its place",
         ),
         (
+            term.name == "damping" and _is_back_emf(judged, index),
+            "the tolerances of k_t and r allow as much damping by the back EMF",
+        ),
+        (
             term.name in SCALES and "thermal_derating" in names,
             "how warm the motor was when the log began stays open",
         ),
@@ -244,6 +256,18 @@ def _is_unfelt(judged: Judgement, term: Term) -> bool:
     single = judged.case.joint.structure_row.size == 1
     weighs = term.name == "gravity" and single
     return weighs and not feels_weight(judged.case.joint, judged.case.logs)
+
+
+def _is_back_emf(judged: Judgement, index: int) -> bool:
+    """Return whether damping is no more than the tolerances of a voltage drive allow."""
+    assert judged.found is not None
+    joint, fit = judged.case.joint, judged.found.fit
+    if not judged.case.logs[0].voltage or "r" not in joint.parameters:
+        return False
+    p, term = joint.parameters, fit.model.terms[index]
+    off = math.hypot(*(k * tolerance_of(joint.file, s, VAGUE) for k, s in ((2, "k_t"), (1, "r"))))
+    value = fit.model.values(fit.z)[index][0]
+    return bool(abs(value - term.nominal[0]) < STRAINED * off * (p.k_t * p.n) ** 2 / p.r)
 
 
 def _strained(judged: Judgement, term: Term) -> list[str]:

@@ -82,6 +82,12 @@ def half_velocity(table: Table) -> Table:
     return table | {"dq_m": 0.5 * np.gradient(table["q_m"], 1e-3)}
 
 
+def half_velocity_beside_a_staggered_angle(table: Table) -> Table:
+    """Return an angle whose rows are each read early or late, so that its slope is noise."""
+    t = table["t"] + np.random.default_rng(0).uniform(-0.04, 0.04, len(table["t"]))
+    return half_velocity(table) | {"q_m": np.interp(t, table["t"], table["q_m"])}
+
+
 def in_degrees(table: Table) -> Table:
     return table | {"q_m": np.rad2deg(table["q_m"])}
 
@@ -193,6 +199,7 @@ def stale(table: Table) -> Table:
     ("spoil", "said"),
     [
         (half_velocity, "dq_m is 0.5 times the slope of q_m: its unit or scale is wrong, or"),
+        (half_velocity_beside_a_staggered_angle, "times the slope of q_m: its unit or scale"),
         (in_degrees, "near 180/pi"),
         (coarse_degrees, "q_m has steps 57.3 times the resolution that the joint file states, as"),
         (velocity_beside_degrees, "q_m: its slope is 57.3 times dq_m, as if in deg."),

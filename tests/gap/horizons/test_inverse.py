@@ -84,6 +84,18 @@ def test_inverse_dynamics_find_what_moves_without_a_disturbance(arm: JointFile) 
     assert found.effects["gravity"] == pytest.approx((0.0, WEIGHT), abs=0.15)
 
 
+def test_fast_motion_does_not_make_the_inertia_larger(arm: JointFile) -> None:
+    t, w = 1e-3 * np.arange(8000), 2.0 * np.pi * np.array([0.7, 7.3])
+    q = 0.5 * np.sin(w[0] * t) + 0.02 * np.sin(w[1] * t)
+    dq = np.gradient(q, t)
+    torque = INERTIA * np.gradient(dq, t) + DAMPING * dq + DRY * np.sign(dq)
+    columns = {"t": t, "q_m": q, "i": torque / 10.0}
+    fast = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+    case = make_case([fast], [], arm, get_structure("rigid"))
+    for found in inverse(case.joint, case.logs):
+        assert found.inertia == pytest.approx(INERTIA, rel=0.02)
+
+
 def test_what_is_not_there_is_not_seen(arm: JointFile) -> None:
     case = make_case([held_record(1)], [], arm, get_structure("rigid"))
     seen = spent(case.joint, case.logs, ["damping", "coulomb", "torque_offset", "gravity"])
