@@ -87,8 +87,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     Example:
         >>> did_you_mean("orang", ["orange", "lemon"])
         " Did you mean 'orange'?"
+        >>> did_you_mean("k_B", ["k_t", "k_b"])
+        " Did you mean 'k_b'?"
     """
-    matches = get_close_matches(name, list(known), n=1)
+    names = list(known)
+    same = [one for one in names if one.lower() == name.lower()]
+    matches = same or get_close_matches(name, names, n=1)
     return f" Did you mean '{matches[0]}'?" if matches else ""
 
 

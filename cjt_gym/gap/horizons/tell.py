@@ -99,7 +99,7 @@ def retold(
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
     elif said := corrected(judged) if effects else refined(judged):
-        unexplained = replace(unexplained, text=f"{said} {unexplained.text}")
+        unexplained = replace(unexplained, text=f"{said} {unexplained.text}".strip())
     if outside:
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
     else:

@@ -159,6 +159,8 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
         share = min(main.found, 1.0) ** 2
         if is_unknown(main):
             text = _not_told(main)
+        elif main.found < QUIET:
+            text = ""  # the refined values leave next to nothing
         else:
             slack = "although a held output does not drift"
             rest = slack if main.seconds == WHOLE else "and no regression predicts it either"
@@ -175,7 +177,8 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
 
 def _not_predicted(row: Row) -> str:
     """Return the beginning of a sentence on the error of a row."""
-    return f"Of what {row.channel} does within {_ahead(row)}, {row.found:.0%} is not predicted"
+    left = f"{100.0 * row.found:.2g} % is not predicted"
+    return f"Of what {row.channel} does within {_ahead(row)}, {left}"
 
 
 def _not_told(row: Row) -> str:

@@ -23,7 +23,7 @@ EFFECTS: Mapping[str, str] = {
     "torque_constant": "a different torque constant",
     "thermal_derating": "torque lost as the windings warm",
     "torque_offset": "a constant torque offset",
-    "inertia": "a different inertia",
+    "inertia": "a different inertia I_m",
     "damping": "viscous damping",
     "coulomb": "Coulomb friction",
     "coulomb_asym": "asymmetric Coulomb friction",
@@ -59,6 +59,8 @@ CORRECTED = 0.6
 """Ratio of the gap after to that before below which refined values are more than tolerances."""
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
+MOSTLY = 0.5
+"""Share that is gone although no effect is named from which the verdict says that values did it."""
 OPEN, AGAIN = 0.1, 3.0
 """Replay error, and its ratio to the noise floor, above which an explained joint needs a remark."""
 DOUBTED = 0.3
@@ -213,6 +215,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     stages = where(diagnosis)
     lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"
     if diagnosis.verdict == "unexplained" or not diagnosis.effects:
+        if gap.removed >= MOSTLY:
+            return f"{lies}; no single effect is its cause, but refined values predict better."
         return f"{lies}; no effect of the table explains it."
     names = _named(diagnosis.effects)
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
