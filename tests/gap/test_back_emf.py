@@ -47,7 +47,7 @@ def sheet(tolerance: float) -> JointFile:
 
 
 def test_damping_is_told_only_beyond_the_tolerance_of_the_back_emf() -> None:
-    """Tolerances of 5 % allow 8e-5 N m s/rad more or less, those of 0.2 % a twentieth of that."""
+    """Tolerances of 5 % allow 8e-5 N m s/rad more or less, those of 0.2 % a 25th of that."""
     made = motor()
     for tolerance, status in ((0.05, "tentative"), (0.002, "confirmed")):
         named = {e.name: e for e in diagnose(made, sheet(tolerance)).effects}

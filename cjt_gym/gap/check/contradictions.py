@@ -58,7 +58,7 @@ def velocities(view: View) -> list[str]:
         y = np.concatenate([_lumps(p[velocity]) for p in view.stretches])
         if _is_told(view, angle, velocity):
             continue
-        slope = _factor(x, y)  # None if noise hides it, over a few rows
+        slope = _factor(x, y)  # None where noise hides it
         longest = max(view.stretches, key=lambda p: len(p[angle]))
         exact, _, rest = integrated(longest[velocity], longest[angle], view.dt)
         if is_scaled(exact, rest):

@@ -37,7 +37,7 @@ ALIKE = 0.1
 FELT = 0.2
 """Relative difference up to which a regression has the same friction."""
 MUCH = 0.5
-"""Share of the squared error that an effect of `MIMICS` must remove."""
+"""Share of the squared error that an effect which others may mimic must remove."""
 NOTHING = 1e-3
 """Share of a search step by which an effect must differ from no effect."""
 

@@ -60,7 +60,7 @@ CORRECTED = 0.6
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
 MOSTLY = 0.5
-"""Share that is gone although no effect is named from which the verdict says that values did it."""
+"""Share of the gap that refined values must close, with no effect named, for the verdict to say so."""
 OPEN, AGAIN = 0.1, 3.0
 """Replay error, and its ratio to the noise floor, above which an explained joint needs a remark."""
 DOUBTED = 0.3
@@ -216,7 +216,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"
     if diagnosis.verdict == "unexplained" or not diagnosis.effects:
         if gap.removed >= MOSTLY:
-            return f"{lies}; no single effect is its cause, but refined values predict better."
+            return f"{lies}; no effect is named as its cause, but refined values predict better."
         return f"{lies}; no effect of the table explains it."
     names = _named(diagnosis.effects)
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
