@@ -60,7 +60,7 @@ CORRECTED = 0.6
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
 MOSTLY = 0.5
-"""Share of the gap that refined values must close, with no effect named, for the verdict to say so."""
+"""Share of the gap that must be gone for the verdict to mention refined values without a name."""
 OPEN, AGAIN = 0.1, 3.0
 """Replay error, and its ratio to the noise floor, above which an explained joint needs a remark."""
 DOUBTED = 0.3
