@@ -31,10 +31,21 @@ LOOSE = 0.1
 """Relative step of a datasheet value that is off by more than its stated tolerance."""
 
 
-def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
-    """Return the terms that are free in every fit: inertia, damping, torque constant, springs."""
+def base_terms(
+    joint: Joint, scales: Scales, *, inertia_alone_off: bool = False
+) -> tuple[Term, ...]:
+    """Return the terms that are free in every fit: inertia, damping, torque constant, springs.
+
+    Args:
+        joint: The datasheet's joint.
+        scales: Usual torques and speeds of the records.
+        inertia_alone_off: Whether the inertia is not held near its datasheet, so that the torque
+            constant does not share its deviation.
+    """
     file, groups = joint.file, joint.structure_row
     inertia = _inertia(joint)
+    if inertia_alone_off:
+        inertia = replace(inertia, prior=False, scale=LOOSE)
     if scales.coasts:
         inertia = replace(inertia, scale=AS_GIVEN)
     found = [

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.case import Case, late, sharp
+from cjt_gym.gap.horizons.case import Case, by_angle, late, sharp
 from cjt_gym.gap.horizons.choice import (
     best_of,
     fails,
@@ -108,6 +108,10 @@ def judge(
     joints["base"] = found.base.model.at(found.base.z)
     best = best_of(case, test, joints, enough)
     if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
+        if any(log.with_speed and not log.from_slope for log in case.logs):
+            return judge(
+                by_angle(case), stages, progress, suspects, excluded, explained=explained, timed=True
+            )  # fmt: skip
         free = replace(problem)
         free.force = 0.0
         fit, plain = (freed_from(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
@@ -143,7 +147,8 @@ def _proposed(
 ) -> tuple[Model, list[Term]]:
     """Return the datasheet's model, and the terms that a search may add to it."""
     scales = scales_of(case.joint, case.logs)
-    base = Model(case.joint, base_terms(case.joint, scales))
+    alone = not case.cut and is_inertia_alone_off(case.joint, case.logs)
+    base = Model(case.joint, base_terms(case.joint, scales, inertia_alone_off=alone))
     refined = {name for name in excluded if name in (*REFINED, "thermal_derating")}
     seen = seen_in_torque(case.joint, case.logs, {"cogging", *ONE_WAY} & set(excluded))
     given = {t.key for t in base.terms}
@@ -154,7 +159,7 @@ def _proposed(
         may.append(gravity(case.joint, scales))
     loose = freed(base.terms)
     weighed = any(t.name == "gravity" and t.restated for t in may)
-    if not case.cut and (weighed or is_inertia_alone_off(case.joint, case.logs)):
+    if alone or (weighed and not case.cut):
         loose = [t for t in loose if t.name != CONSTANT]  # all but one value would scale with it
     return base, likelier([*may, *own, *loose], seen)
 

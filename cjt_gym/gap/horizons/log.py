@@ -66,6 +66,8 @@ class Log:
         temperature: Lowest and highest temperature reported by the drive [degC]; None if absent.
         past: Current from the beginning of the file up to the first sample [A], shape (M,).
         filtered: Whether predictions start from what a filter of the joint estimates.
+        from_slope: Whether they start from the slope of the angle although its velocity was
+            measured.
     """
 
     dt: float
@@ -88,6 +90,7 @@ class Log:
     temperature: tuple[float, float] | None = None
     past: Floats = field(default_factory=lambda: np.zeros(0))
     filtered: bool = False
+    from_slope: bool = False
 
     def __len__(self) -> int:
         return len(self.t)
@@ -116,9 +119,15 @@ class Log:
     def started(self, width: float) -> Log:
         """Return the log with predictions that start from states smoothed over a time [s]."""
         first = _smooth_states(self.angles, max(3, round(width / self.dt) | 1), self.dt)
-        if self.with_speed:
+        if self.with_speed and not self.from_slope:
             first[:, 3] = self.states[:, 3]
         return replace(self, first=first)
+
+    def by_angle(self) -> Log:
+        """Return the log with predictions that start from the angle's slope, not measured speed."""
+        first = self.states.copy()
+        first[:, 3] = smoothed(self.angles[:, 0], self.dt, 1)
+        return replace(self, first=first, from_slope=True)
 
     @property
     def speed(self) -> Floats:

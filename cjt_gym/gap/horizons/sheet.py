@@ -9,6 +9,9 @@ from cjt_gym.gap.horizons.model import Term, body_group
 from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
 from cjt_gym.joint import Joint, JointFile
 
+SPARED = 0.1
+"""Share of their part in proportion down to which guesses, or the rotor, change alone."""
+
 
 def stated_tolerance(joint: Joint, term: Term) -> float | None:
     """Return the relative deviation stated by a datasheet, or None.
@@ -40,14 +43,18 @@ def datasheet_number(file: JointFile, symbol: str, usual: float, reach: float) -
 def inertias_at(joint: Joint, factor: float) -> dict[str, float]:
     """Return the inertias of all bodies that move with the motor if their sum is off by a factor.
 
-    Guesses change; if there is none, the rotor's does, or all in proportion if that is too small.
+    Guesses change; if there is none, the rotor's does. The others do only once these have become
+    small.
     """
     own = {
         f"I_{b}": joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m")
     }
-    open_ = {s: x for s, x in own.items() if not math.isfinite(tolerance_of(joint.file, s, 0.0))}
-    changed = {s: x for s, x in open_.items() if x > 0.0} or {"I_m": own["I_m"]}
-    rest = factor * sum(own.values()) - sum(x for s, x in own.items() if s not in changed)
-    if rest <= 0.0:
-        return {s: x * factor for s, x in own.items()}
-    return own | {s: x * rest / sum(changed.values()) for s, x in changed.items()}
+    there = [s for s, x in own.items() if x > 0.0]
+    guessed = [s for s in there if not math.isfinite(tolerance_of(joint.file, s, 0.0))]
+    changed = guessed or there[:1]
+    moved = sum(own[s] for s in changed)
+    others = sum(own.values()) - moved
+    total = factor * (moved + others)
+    new = max(total - others, SPARED * factor * moved)
+    kept = (total - new) / others if others > 0.0 else 1.0
+    return {s: x * (new / moved if s in changed else kept) for s, x in own.items()}

@@ -23,6 +23,7 @@ from cjt_gym.gap.horizons.verdict import (
     gap_of,
     is_usual_offset,
     main_row,
+    moving_together,
     refined,
     stages_of,
     unexplained_of,
@@ -104,7 +105,7 @@ def retold(
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
     else:
         beside = first.unexplained.missing if staged else (first.unexplained.text,)
-        text = " ".join((unexplained.text, *beside))
+        text = " ".join((moving_together(judged, effects), unexplained.text, *beside)).strip()
         unexplained = replace(unexplained, text=text)
     return replace(
         first,

@@ -177,7 +177,7 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
 
 def _not_predicted(row: Row) -> str:
     """Return the beginning of a sentence on the error of a row."""
-    left = f"{100.0 * row.found:.2g} % is not predicted"
+    left = f"{100.0 * row.found:.{2 if row.found < 0.995 else 3}g} % is not predicted"
     return f"Of what {row.channel} does within {_ahead(row)}, {left}"
 
 
@@ -197,6 +197,24 @@ def corrected(judged: Judgement) -> str:
                 f"{new:.3g}."
             )
     return " ".join(said)
+
+
+def moving_together(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
+    """Return a sentence on the inertia of several bodies that move as one, if one is named.
+
+    The record shows only their sum; an effect has a single inertia.
+    """
+    nominal = judged.case.joint
+    own = [f"I_{b}" for b in body_group(nominal.structure_row, "m")]
+    parts = [s for s in own if nominal.parameters.get(s, 0.0) > 0.0]
+    if len(parts) < 2 or not any(e.name == "inertia" for e in effects):
+        return ""
+    old, new = motor_inertia(nominal), sum(_given(judged, s) for s in parts)
+    unit = nominal.parameters.quantities[parts[0]].unit
+    return (
+        f"What moves as one has an inertia of {new:.3g} {unit} instead of {old:.3g}; the record "
+        f"does not tell how {' and '.join(parts)} share it."
+    )
 
 
 def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:

@@ -307,6 +307,11 @@ def _spread(
     return np.array(starts, dtype=np.int64), np.array(numbers, dtype=np.int64)
 
 
+def rescaled(windows: Windows) -> Windows:
+    """Return windows relative to what their logs do beyond motion at constant speed."""
+    return _scaled(windows.logs, windows.groups)
+
+
 def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
     blank = Windows(logs, groups, (), np.zeros(0), ())
     squares: dict[Key, list[Floats]] = {}
@@ -328,7 +333,8 @@ def _stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:
     if channel == "tau" or horizon == WHOLE:
         return np.full((len(group.starts), 1), float(np.mean(log.measured[channel])))
     column = 0 if channel == "q_m" else 2
-    q, v = log.states[group.starts, column], log.states[group.starts, column + 3]
+    states = log.first if log.from_slope else log.states
+    q, v = states[group.starts, column], states[group.starts, column + 3]
     return np.asarray(q[:, None] + v[:, None] * points * log.dt, dtype=np.float64)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from cjt_gym.gap.horizons.sheet import inertias_at
@@ -17,7 +18,7 @@ STATED = {"I_m": 0.2, "I_g": 0.03, "I_l": 0.07}
     [
         ("", 1.5, {"I_m": 0.35}),
         ("I_l", 1.5, {"I_l": 0.22}),
-        ("", 0.25, {"I_m": 0.05, "I_g": 0.0075, "I_l": 0.0175}),
+        ("", 0.25, {"I_m": 0.005, "I_g": 0.021, "I_l": 0.049}),  # a tenth of a quarter is spared
     ],
 )
 def test_an_inertia_that_is_off_is_the_rotors_unless_another_is_a_guess(
@@ -32,3 +33,14 @@ def test_an_inertia_that_is_off_is_the_rotors_unless_another_is_a_guess(
     found = inertias_at(Joint(file, "rigid", "current", {}), factor)
     assert found == pytest.approx(STATED | off)
     assert sum(found.values()) == pytest.approx(factor * sum(STATED.values()))
+
+
+def test_inertias_change_continuously_with_their_sum() -> None:
+    values = {**STATED, "n": 1.0, "k_t": 1.0}
+    stated = {s: Quantity(x, "kg m^2", "test", 0.05) for s, x in STATED.items()}
+    file = JointFile(JointParameters.from_values("mass", values).replace(**stated))
+    joint = Joint(file, "rigid", "current", {})
+    factors = np.linspace(0.05, 1.5, 1451)
+    found = np.array([list(inertias_at(joint, float(f)).values()) for f in factors])
+    assert np.abs(np.diff(found, axis=0)).max() < 1.01 * sum(STATED.values()) * 1e-3
+    assert found.min() > 0.0
