@@ -94,17 +94,11 @@ def sharp(case: Case, joints: Iterable[Joint]) -> Case:
     if sprung or max(log.dt for log in case.fit.logs) > SLOW:
         cases.append(_changed(case, lambda log: replace(log, filtered=True)))
     keys = [k for k, key in enumerate(case.fit.keys) if key[1] == min(HORIZONS)]
-    costs = [min(_at_once(one, joint, keys) for joint in joints) for one in cases]
+    costs = [
+        min(sum(float(np.mean(one.fit.errors(joint)[k] ** 2)) for k in keys) for joint in joints)
+        for one in cases
+    ]
     return cases[int(np.argmin(costs))]
-
-
-def _at_once(case: Case, joint: Joint, keys: Sequence[int]) -> float:
-    """Return the squared errors of some kinds; infinite if no filter of the joint can be found."""
-    try:
-        errors = case.fit.errors(joint)
-    except np.linalg.LinAlgError:
-        return np.inf
-    return sum(float(np.mean(errors[k] ** 2)) for k in keys)
 
 
 def by_angle(case: Case) -> Case:
@@ -113,9 +107,8 @@ def by_angle(case: Case) -> Case:
     Its windows are scaled anew: from a worse start, motion at constant speed predicts less.
     """
     changed = _changed(case, Log.by_angle)
-    return replace(
-        changed, **{n: rescaled(getattr(changed, n)) for n in ("fit", "test", "all")}
-    )
+    fit, test, every = (rescaled(w) for w in (changed.fit, changed.test, changed.all))
+    return replace(changed, fit=fit, test=test, all=every)
 
 
 def _changed(case: Case, change: Callable[[Log], Log]) -> Case:

@@ -109,8 +109,9 @@ def judge(
     best = best_of(case, test, joints, enough)
     if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
         if any(log.with_speed and not log.from_slope for log in case.logs):
+            case = by_angle(case)
             return judge(
-                by_angle(case), stages, progress, suspects, excluded, explained=explained, timed=True
+                case, stages, progress, suspects, excluded, explained=explained, timed=True
             )  # fmt: skip
         free = replace(problem)
         free.force = 0.0

@@ -20,6 +20,8 @@ from cjt_gym.joint.kernel import control_step, restart
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 ANGLES = ("q_m", "q_g", "q_l")
+CONSTANT = 1e-9
+"""Standard deviation of an input, relative to its peak, that may be rounding."""
 UNMODELLED = 0.1
 """White torque on motor and load that the model lacks, relative to the rms torque of the motor, or
 to that of its inertia if nothing drives it. With a tenth of it the errors of six right joints 0.1 s
@@ -119,7 +121,8 @@ def _gain(joint: Joint, batch: JointBatch, log: Log) -> Floats:
     seen = [k for k in free if ANGLES[k] in log.measured]
     seen = seen or [max(k for k in free if log.known[k])]
     unit = p.k_t * p.n / (p.r if log.voltage else 1.0)
-    torque = unit * float(np.std(log.command[log.whole]))
+    swing, peak = (float(f(log.command[log.whole])) for f in (np.std, lambda x: np.abs(x).max()))
+    torque = unit * swing if swing > CONSTANT * peak else 0.0
     torque = UNMODELLED * (torque or motor_inertia(joint) * float(np.std(log.acceleration)))
     noise = [_noise(log.angles[:, k]) for k in seen]
     gain = np.zeros((6, 3))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap.horizons.base_rows import base_terms
-from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.case import by_angle, make_case
 from cjt_gym.gap.horizons.fit import Problem
 from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.instants import lateness
@@ -89,3 +89,24 @@ def test_the_motion_tells_whether_a_loop_is_faster_than_its_log(every: int) -> N
         Model(case.joint, base_terms(case.joint, scales_of(case.joint, case.logs)))
     )
     assert lateness(case, fit) == (0.0 if every > 1 else 0.5)
+
+
+def test_predictions_can_start_from_the_slope_of_the_angle() -> None:
+    """Regressions keep the measured speed; errors are relative to motion at the slope's speed."""
+    made = record()
+    speed = np.gradient(made["q_m"], made.t)
+    noisy = made["q_m"] + 1e-3 * np.random.default_rng(1).standard_normal(len(speed))
+    told = Record(
+        {**{c: made[c] for c in made.columns}, "q_m": noisy, "dq_m": speed},
+        {**made.units, "dq_m": "rad/s"},
+        structure="rigid",
+    )
+    case = make_case([told], [], datasheet(), get_structure("rigid"))
+    (before,) = case.logs
+    assert before.with_speed
+    sloped = by_angle(case)
+    (after,) = sloped.logs
+    assert after.speed == pytest.approx(before.speed)
+    assert np.std(after.first[:, 3] - before.first[:, 3]) > 0.02
+    moved = dict(zip(sloped.test.keys, sloped.test.scales / case.test.scales, strict=True))
+    assert moved["q_m", 0.02] > 1.02
