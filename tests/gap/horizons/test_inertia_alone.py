@@ -61,10 +61,12 @@ def total(found: Diagnosis) -> float:
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.15])
-def test_it_is_named_and_no_torque_constant(weight: float) -> None:
+def test_it_is_found_and_no_torque_constant(weight: float) -> None:
     found = diagnose(moved(weight, 0.02), sheet(weight))
     names = {e.name: e.status for e in found.effects}
-    assert names.get("inertia") == "confirmed"
     assert "torque_constant" not in names
-    assert total(found) == pytest.approx(INERTIA, rel=0.06)
-    assert f"an inertia of {total(found):.3g} kg m^2 instead of 0.028" in found.unexplained.text
+    assert total(found) == pytest.approx(INERTIA, rel=0.03)
+    if weight:  # beside which no other value of the datasheet makes up for it
+        assert names.get("inertia") == "confirmed"
+        said = f"an inertia of {total(found):.3g} kg m^2 instead of {STATED:.3g}"
+        assert said in found.unexplained.text
