@@ -216,7 +216,8 @@ def is_inertia_alone_off(joint: Joint, logs: Sequence[Log]) -> bool:
     level = joint.effects.get("coulomb", {}).get("d_cm", 0.0)
     known = stated(file, "coulomb", "d_cm")
     found = [x for x in inverse(joint, logs) if {*x.effects} - {"coulomb"} <= {*joint.effects}]
-    found = [x for x in found if len(x.effects) == max(len(y.effects) for y in found)]
+    fullest = max((len(x.effects) for x in found), default=0)  # one without a listed weight errs
+    found = [x for x in found if len(x.effects) == fullest]
     pairs = []
     if isinstance(level, float) and level > 0.0 and known is not None and known.tolerance:
         pairs += [(one.inertia, one.effects["coulomb"][0] / level) for one in found]

@@ -121,9 +121,11 @@ def _gain(joint: Joint, batch: JointBatch, log: Log) -> Floats:
     seen = [k for k in free if ANGLES[k] in log.measured]
     seen = seen or [max(k for k in free if log.known[k])]
     unit = p.k_t * p.n / (p.r if log.voltage else 1.0)
-    swing, peak = (float(f(log.command[log.whole])) for f in (np.std, lambda x: np.abs(x).max()))
-    torque = unit * swing if swing > CONSTANT * peak else 0.0
-    torque = UNMODELLED * (torque or motor_inertia(joint) * float(np.std(log.acceleration)))
+    command = log.command[log.whole]
+    torque = unit * float(np.std(command))
+    if torque <= CONSTANT * unit * float(np.abs(command).max()):
+        torque = motor_inertia(joint) * float(np.std(log.acceleration))
+    torque *= UNMODELLED
     noise = [_noise(log.angles[:, k]) for k in seen]
     gain = np.zeros((6, 3))
     found = kalman_gain(chain, [groups[k] for k in seen], (torque, 0.0, torque), noise)

@@ -10,7 +10,7 @@ from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
 from cjt_gym.joint import Joint, JointFile
 
 SPARED = 0.1
-"""Share of their part in proportion down to which guesses, or the rotor, change alone."""
+"""Guesses, or the rotor, change alone until this share of their value in proportion is left."""
 
 
 def stated_tolerance(joint: Joint, term: Term) -> float | None:
@@ -43,8 +43,8 @@ def datasheet_number(file: JointFile, symbol: str, usual: float, reach: float) -
 def inertias_at(joint: Joint, factor: float) -> dict[str, float]:
     """Return the inertias of all bodies that move with the motor if their sum is off by a factor.
 
-    Guesses change; if there is none, the rotor's does. The others do only once these have become
-    small.
+    Guesses change; if there is none, the rotor's does. The others follow only
+    once little of these is left.
     """
     own = {
         f"I_{b}": joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m")

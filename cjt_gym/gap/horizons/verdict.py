@@ -39,6 +39,10 @@ REFINED = 0.1
 NAMELESS = "No cause is named; refined values predict better:"
 BESIDE = "Refined values predict better:"
 """What introduces values that differ from the datasheet without and beside a cause."""
+SLOPED = (
+    "No joint beats motion at the measured speed: predictions start from the slope of the angle."
+)
+"""What is said where even the best joint is worse than that."""
 LATE = frozenset({"command_delay", "current_lag"})
 """Effects that cannot be separated from slow mechanics without a measured current."""
 LEAST = "least squares"
@@ -357,6 +361,12 @@ def _ahead(row: Row) -> str:
 
 
 def _said(judged: Judgement) -> str:
+    """Return sentences on where predictions start, and on an answer without named effects."""
+    sloped = any(log.from_slope for log in judged.case.logs)
+    return f"{SLOPED if sloped else ''} {_of_answer(judged)}".strip()
+
+
+def _of_answer(judged: Judgement) -> str:
     """Return a sentence on the answer if it is not a joint with named effects."""
     if judged.answer == LEAST:
         *most, last = (_regressed(judged.joint, *one) for one in REGRESSED)

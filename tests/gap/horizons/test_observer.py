@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from cjt_gym.gap.horizons.forward import Forecast
+from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.log import Log, to_log
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.joint import Joint, JointFile, get_structure
@@ -136,3 +138,18 @@ def test_the_zero_of_a_held_joint_is_that_of_its_spring(friction: str) -> None:
     log = log_of({"t": DT * np.arange(len(u)), "i_cmd": u, "q_m": q + 0.05}, HELD)
     zero = log.states[0, 2]
     assert zero == pytest.approx(0.05, abs=0.02 * float(np.std(q)))
+
+
+def test_an_input_that_is_constant_but_for_rounding_has_the_filter_of_a_constant_one() -> None:
+    t = 5e-3 * np.arange(847)
+    angle = np.round(0.2 * np.maximum(t - 1.0, 0.0) / 1e-5) * 1e-5
+    file = sheet(I_m=0.439, I_l=0.0, d_m=15.0, d_l=0.0)
+    joint = quiet(Joint(file, "rigid", "current", {}))
+    found = []
+    for level in (4.0, 4.0 + 4.0 * np.finfo(float).eps):
+        command = np.where(np.arange(len(t)) % 2, 4.0, level)
+        log = log_of({"t": t, "i_cmd": command, "q_m": angle}, "rigid", file)
+        forecast = Forecast(joint, replace(log, filtered=True))
+        one = forecast.windows(np.array([220]), np.array([20]), np.array([0]))
+        found.append(one[0, :20, CHANNELS["q_m"]])
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
