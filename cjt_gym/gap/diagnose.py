@@ -25,6 +25,7 @@ from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.series import Stretch, stretches
+from cjt_gym.gap.recorded.tolerances import unlisted
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.gap.stages.select import Progress, silent
 from cjt_gym.gap.stages.smoothing import with_smoothing
@@ -109,6 +110,7 @@ def diagnose(
                 found = judged(far_off, given, held, file, shape, progress)
             known = any("i" in one for one in given)
             found = at_the_floor(found, replace(file, structure=shape.name), measured=known)
+        unused += unlisted(file, found.joint, [e.name for e in found.effects])
         joint = with_sensors(found.joint, found.effects, title_of(given[0]))
         found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:

@@ -253,7 +253,7 @@ def _settled(case: Case, joints: dict[str, Joint], best: str) -> Judgement:
     """Return the judgement with a joint as its answer."""
     errors = {name: case.test.errors(joint) for name, joint in joints.items()}
     table = {name: relative(case.test, e) for name, e in errors.items()}
-    known = left_by(case.all, joints[best])
+    known = left_by(case.all, joints[best], past=True)
     rows = []
     for key in case.test.keys:
         left = known.get(key)

@@ -40,6 +40,11 @@ class Row(Horizon):
         """Whether the remaining error is clearly above the unpredictable part."""
         return self.left is not None and is_left(self.found, self.left)
 
+    @property
+    def lasting(self) -> bool:
+        """Whether the errors just before predict most of what is predictable."""
+        return self.left is not None and self.left.lasting
+
 
 @dataclass(frozen=True, eq=False)
 class Judgement:

@@ -1,8 +1,9 @@
 """Predictable part of an error, whatever its cause.
 
 A flexible ridge regression (on random Fourier features) of the error at the end of each window on
-the state at its start, the input within it and the recent past. It is trained on some pieces of the
-record and tested on the others: what it predicts there is not noise. The remainder is the floor.
+the state at its start, the input within it and the recent past, and another one on the errors of
+the windows just before. They are trained on some pieces of the record and tested on the others:
+what they predict there is not noise. The remainder is the floor.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.horizons.windows import HORIZONS, Windows
+from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
+from cjt_gym.gap.horizons.windows import HORIZONS, Key, Windows
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -26,6 +28,8 @@ FEWEST = 30
 """Fewest windows for a result."""
 CLIP = 4.0
 """Limit of the errors, in robust deviations, so that a single impact has little influence."""
+EARLIER = 2
+"""Number of windows before each whose errors may show its own: two tell a vibration's phase."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +39,16 @@ class Predictable:
     Attributes:
         share: Share of their mean square that a regression predicts on unseen pieces, 0 to 1.
         deviation: Standard deviation of that share, from the folds.
+        lasting: Whether the errors just before predict most of it: what acts outlasts a window, and
+            neither state nor input shows it.
     """
 
     share: float
     deviation: float
+    lasting: bool = False
 
 
-def features(windows: Windows, key: tuple[str, float]) -> tuple[Floats, Floats]:
+def features(windows: Windows, key: Key) -> tuple[Floats, Floats]:
     """Return variables on which an error may depend, of unit deviation, shape (windows, n) each.
 
     The first are state, input and its past, the second how the motion has changed until then.
@@ -78,10 +85,41 @@ def _scaled(x: Floats) -> Floats:
     return np.asarray(np.clip(x / spread[spread > 1e-12], -4.0, 4.0))
 
 
+def earlier(windows: Windows, joint: Joint, key: Key) -> Floats:
+    """Return errors at the ends of the windows just before, of unit deviation, shape (windows, n).
+
+    Each ends where the next begins. They are 0 where the record has no room for them.
+    """
+    channel, horizon = key
+    rows = []
+    for group in windows.groups_of(key):
+        log = windows.logs[group.log]
+        forecast, last = Forecast(joint, log), int(group.points(horizon, log.dt)[-1])
+        broken = np.concatenate([[0], np.cumsum(~log.whole)])
+        errors = []
+        for k in range(1, EARLIER + 1):
+            start = np.maximum(group.starts - k * last, 0)
+            known = (group.starts >= k * last) & (broken[group.starts + 1] == broken[start])
+            leads, lengths = np.minimum(group.leads, start), np.full(len(start), last + 1)
+            out = forecast.windows(start, lengths, leads)[:, last, CHANNELS[channel]]
+            error = out - log.measured[channel][start + last]
+            errors.append(np.where(known & np.isfinite(error), error, 0.0))
+        rows.append(np.stack(errors, axis=1))
+    return _scaled(np.concatenate(rows))
+
+
 def predictable(
-    windows: Windows, errors: list[Floats], key: tuple[str, float], seed: int = 0
+    windows: Windows, errors: list[Floats], key: Key, joint: Joint | None = None, seed: int = 0
 ) -> Predictable:
-    """Return the predictable share of the errors of a kind."""
+    """Return the predictable share of the errors of a kind.
+
+    Args:
+        windows: The predicted windows.
+        errors: Errors of each kind.
+        key: The kind.
+        joint: Joint that has these errors, to predict them from earlier ones as well.
+        seed: Seed of the random features.
+    """
     error = errors[windows.keys.index(key)][:, -1]
     pieces, (state, changes) = windows.pieces(key), features(windows, key)
     good = np.isfinite(error)
@@ -94,7 +132,12 @@ def predictable(
     fold = (np.searchsorted(order, pieces) * FOLDS) // len(order)
     sets = [state, np.hstack([state, changes])]
     share, deviation = max(_shares(_waves(x, seed), y, fold) for x in sets)
-    return Predictable(float(np.clip(share, 0.0, 1.0)), deviation)
+    lasting = False
+    if joint is not None and (past := earlier(windows, joint, key)[good]).any():
+        by_past = _shares(np.hstack([np.ones((len(past), 1)), past]), y, fold)
+        lasting = by_past[0] > share
+        share, deviation = max(by_past, (share, deviation))
+    return Predictable(float(np.clip(share, 0.0, 1.0)), deviation, lasting)
 
 
 def _waves(x: Floats, seed: int) -> Floats:
@@ -123,7 +166,13 @@ def _shares(phi: Floats, y: Floats, fold: Integers) -> tuple[float, float]:
     return float(share), float(np.std(each) * np.sqrt(FOLDS))
 
 
-def left(windows: Windows, joint: Joint) -> dict[tuple[str, float], Predictable]:
-    """Return the predictable part of a joint's errors of each kind."""
-    errors = windows.errors(joint)
-    return {k: predictable(windows, errors, k) for k in windows.keys if k[1] in HORIZONS}
+def left(windows: Windows, joint: Joint, *, past: bool = False) -> dict[Key, Predictable]:
+    """Return the predictable part of a joint's errors of each kind.
+
+    Args:
+        windows: Windows of records.
+        joint: The joint.
+        past: Whether to predict errors from earlier ones as well.
+    """
+    errors, known = windows.errors(joint), joint if past else None
+    return {k: predictable(windows, errors, k, known) for k in windows.keys if k[1] in HORIZONS}

@@ -136,7 +136,8 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
         main = main_row(judged)
         other = judged.answer == LEAST or bool(refined(judged, known=True))
         moved = main.found < HALVED * main.datasheet > HALVED * TRIVIAL and other
-        open_ = loud or is_unknown(worst) or (open_ and (better or suspected))
+        lasting = any(r.seconds > min(HORIZONS) and r.lasting for r in judged.unexplained)
+        open_ = loud or is_unknown(worst) or (open_ and (better or suspected or lasting))
         return "unexplained" if moved or open_ else "no_gap"
     return "partly_explained" if open_ else "explained"
 
@@ -172,10 +173,14 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
         return Unexplained(share, STAGES[main.channel], f"{said} {text}".strip(), 0.0)
     predictable = min(row.found, 1.0) ** 2 * row.left.share
     share = row.left.share
-    text = (
-        f"{share:.0%} of the squared error of {row.channel} {_ahead(row)} ahead could be predicted "
-        "from speed, angle, input and the past, but no effect of the table explains it."
-    )
+    of = f"{share:.0%} of the squared error of {row.channel} {_ahead(row)} ahead could be predicted"
+    if row.lasting:
+        text = (
+            f"{of} from the errors just before: something lasting acts that neither state nor "
+            "input shows, such as an external torque."
+        )
+    else:
+        text = f"{of} from speed, angle, input and the past, but no effect of the table explains it."
     return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
 
 

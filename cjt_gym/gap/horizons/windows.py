@@ -247,7 +247,9 @@ def make_windows(
 ) -> Windows:
     """Return windows spread evenly over pieces of records.
 
-    A piece too short for the longest horizon gets windows of the longest horizon that fits.
+    A window may run on into the next piece if there is no gap between them, and counts to that in
+    which it starts. What is too short for the longest horizon gets windows of the longest that
+    fits.
 
     Args:
         logs: The records.
@@ -256,20 +258,22 @@ def make_windows(
         whole: Whether whole pieces are windows, too, as with a held output.
     """
     groups = []
-    total = max(sum(p.stop - p.start for p in pieces), 1)
+    total = max(_size(pieces), 1)
     for number, log in enumerate(logs):
-        left = [(k, p) for k, p in enumerate(pieces) if p.log == number]
+        here = [k for k, p in enumerate(pieces) if p.log == number]
+        firsts = np.array([pieces[k].start for k in here])
+        left = _joined_up([pieces[k] for k in here])
         for count in range(len(HORIZONS), 0, -1):
             length = samples(HORIZONS[count - 1], log.dt)
-            own = [(k, p) for k, p in left if p.stop - p.start > length]
+            own = [p for p in left if p.stop - p.start > length]
             if _size(own) < RARE * _size(left):
                 continue
-            left = [(k, p) for k, p in left if p.stop - p.start <= length]
+            left = [p for p in left if p.stop - p.start <= length]
             share = most * _size(own) / total
-            starts, numbers = _spread(own, length, max(share, 1.0))
+            starts, room = _spread(own, length, max(share, 1.0))
             if len(starts):
-                first = np.array([pieces[k].start for k in numbers])
-                room = starts if log.whole.all() else starts - first
+                numbers = np.array(here)[np.searchsorted(firsts, starts, side="right") - 1]
+                room = starts if log.whole.all() else room
                 lead = np.minimum(max(round(LEAD / log.dt), 3), room)
                 groups.append(Group(number, HORIZONS[:count], starts, length, numbers, lead))
     if whole:
@@ -283,28 +287,40 @@ def make_windows(
     return _scaled(tuple(logs), tuple(groups))
 
 
-def _size(own: Sequence[tuple[int, Piece]]) -> int:
-    """Return how many samples numbered pieces have."""
-    return sum(p.stop - p.start for _, p in own)
+def _size(pieces: Sequence[Piece]) -> int:
+    """Return how many samples pieces have."""
+    return sum(p.stop - p.start for p in pieces)
 
 
-def _spread(
-    own: Sequence[tuple[int, Piece]], length: int, share: float
-) -> tuple[Integers, Integers]:
-    """Return starts and piece numbers of windows, spread evenly; each piece is longer than one."""
+def _joined_up(pieces: Sequence[Piece]) -> list[Piece]:
+    """Return pieces of one record, in order, with those joined that follow without a gap."""
+    found: list[Piece] = []
+    for p in pieces:
+        if found and found[-1].stop == p.start:
+            found[-1] = replace(found[-1], stop=p.stop)
+        else:
+            found.append(p)
+    return found
+
+
+def _spread(own: Sequence[Piece], length: int, share: float) -> tuple[Integers, Integers]:
+    """Return starts of windows, spread evenly, and the samples of their piece before each.
+
+    Each piece is longer than a window.
+    """
     total = _size(own)
     starts: list[int] = []
-    numbers: list[int] = []
+    before: list[int] = []
     due = 0.0
-    for k, p in own:
+    for p in own:
         due += share * (p.stop - p.start) / total
         count = int(due)
         due -= count
         room = p.stop - p.start - length
-        places = np.unique(p.start + ((np.arange(count) + 0.5) / max(count, 1) * room).astype(int))
-        starts += places.tolist()
-        numbers += [k] * len(places)
-    return np.array(starts, dtype=np.int64), np.array(numbers, dtype=np.int64)
+        places = np.unique(((np.arange(count) + 0.5) / max(count, 1) * room).astype(int))
+        starts += (p.start + places).tolist()
+        before += places.tolist()
+    return np.array(starts, dtype=np.int64), np.array(before, dtype=np.int64)
 
 
 def rescaled(windows: Windows) -> Windows:

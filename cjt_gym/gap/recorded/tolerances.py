@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.quantity import Quantity
@@ -36,6 +36,25 @@ def stated(file: JointFile, effect: str, symbol: str) -> Quantity | None:
     """Return what a joint file states of a number of an effect, there or among the parameters."""
     entry = file.effects.get(effect, {}).get(symbol)
     return entry if isinstance(entry, Quantity) else file.parameters.quantities.get(symbol)
+
+
+def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
+    """Return remarks on effects that a joint has as its datasheet states, but does not list.
+
+    Args:
+        file: The datasheet.
+        found: The joint that was found.
+        named: Names of the effects that a diagnosis tells.
+    """
+    said = []
+    for name in found.effects.keys() - file.effects.keys() - {*named}:
+        symbols = [s for s in found.effects[name] if s in file.parameters.quantities]
+        if symbols:
+            said.append(
+                f"The joint file states {', '.join(symbols)} but lists no effect {name}: simulated "
+                f"as it stands, it lacks what is assumed here. Add [effects.{name}] to it."
+            )
+    return sorted(said)
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:

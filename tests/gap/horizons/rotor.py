@@ -37,6 +37,7 @@ def record(
     back: tuple[float, float] | None = None,
     late: float = 0.0,
     dt: float = DT,
+    shaken: float = 0.0,
 ) -> Record:
     """Return a record of the mass under slow and fast torques.
 
@@ -50,6 +51,7 @@ def record(
         late: Time by which the torque acts late, in whole fine steps [s].
         back: Damping [N m s/rad] and Coulomb friction [N m] backward, where they differ.
         dt: Time between two rows [s].
+        shaken: Amplitude of a torque of 7.3 Hz that nothing records [N m].
     """
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds / dt)) * dt
@@ -59,6 +61,7 @@ def record(
     angle = np.zeros(len(t))
     h = dt / FINE
     acts = np.concatenate([np.zeros(round(late / h)), np.repeat(u, FINE)])
+    acts += shaken * np.sin(2.0 * np.pi * 7.3 * h * np.arange(len(acts)))
     for k in range(len(u)):
         angle[k] = q
         for torque in acts[k * FINE : (k + 1) * FINE]:

@@ -20,10 +20,10 @@ from cjt_gym.gap.horizons.judgement import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import Draft, Model, drafted
 from cjt_gym.gap.horizons.named import _levelled
-from cjt_gym.gap.horizons.predictable import Predictable, predictable
+from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.search import search
-from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split, worse
+from cjt_gym.gap.horizons.windows import relative, worse
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.diagnosed import covariance_of
 from cjt_gym.joint.joint import Joint
@@ -182,16 +182,6 @@ def test_a_speed_that_does_not_add_up_to_the_angle_is_not_used(
     assert np.allclose(started, to_log(plain, datasheet(), RIGID).speed, atol=1e-9) != used
 
 
-def test_no_window_spans_a_gap() -> None:
-    log = to_log(record(gap=(5.0, 5.12)), datasheet(), RIGID)
-    lost = np.flatnonzero(~log.whole)
-    assert lost.size >= 0.1 / DT
-    for group in make_windows([log], cut([log])).groups:
-        for start, lead in zip(group.starts, group.leads, strict=True):
-            inside = (lost >= start - lead) & (lost < start + group.length)
-            assert not inside.any()
-
-
 def test_one_piece_of_a_record_decides_nothing(plain: tuple[Case, Found]) -> None:
     windows = plain[0].fit
     other = [np.full((len(windows.pieces(key)), 4), 0.5) for key in windows.keys]
@@ -207,36 +197,6 @@ def test_one_piece_of_a_record_decides_nothing(plain: tuple[Case, Found]) -> Non
     first = [e.copy() for e in other]  # what is worse there alone does not make others better
     first[0][0] = 50.0
     assert worse(windows, first, better, slack) == list(windows.keys)
-
-
-def test_what_is_held_out_lies_between_what_is_fitted() -> None:
-    log = to_log(record(), datasheet(), RIGID)
-    fitted, held = split([log], cut([log]))
-    assert len(held) >= 3
-    order = sorted((p.start, p in held) for p in [*fitted, *held])
-    kept = [k for k, (_, is_held) in enumerate(order) if is_held]
-    assert kept[0] > 0
-    assert min(np.diff(kept)) > 1, "no two neighbours are held out"
-
-
-def test_a_predictable_error_is_told_from_noise(plain: tuple[Case, Found]) -> None:
-    case, _ = plain
-    key = ("q_m", 0.1)
-    nominal = predictable(case.all, case.all.errors(case.joint), key)
-    assert nominal.share > 0.6, "friction that is not modelled can be predicted"
-    noise = np.random.default_rng(1).standard_normal(case.all.errors(case.joint)[1].shape)
-    assert predictable(case.all, [noise] * len(case.all.keys), key).share < 0.2
-
-
-def test_an_error_that_depends_on_how_the_motion_has_changed_is_predictable() -> None:
-    case, key = case_of(noise=0.1), ("q_m", 0.1)
-    log, group = case.all.logs[0], case.all.groups[0]
-    near = round(0.01 / log.dt)
-    ago = [np.clip(group.starts - k * near, 0, None) for k in (1, 2)]
-    change = log.acceleration[ago[0]] - log.acceleration[ago[1]]
-    errors = [np.tile(change[:, None] / np.std(change), (1, 8))] * len(case.all.keys)
-    share = predictable(case.all, errors, key).share
-    assert share > 0.75
 
 
 # ---- the whole diagnosis

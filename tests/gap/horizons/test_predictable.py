@@ -1,0 +1,86 @@
+"""What of an error could be predicted, and from what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.case import Case, make_case
+from cjt_gym.gap.horizons.predictable import left, predictable
+from cjt_gym.joint import JointFile, get_structure, load_joint_file
+from tests.gap.horizons.rotor import DAMPING, DRY, INERTIA, datasheet, record
+
+KEY = ("q_m", 0.1)
+SHAKEN = 0.1
+
+
+@pytest.fixture(scope="module")
+def right(tmp_path_factory: pytest.TempPathFactory) -> JointFile:
+    """A datasheet that is right in all it states."""
+    path: Path = tmp_path_factory.mktemp("right") / "rotor.toml"
+    path.write_text(f"""
+name = "rotor"
+source = "test"
+structure = "rigid"
+[parameters]
+n = {{ value = 1.0, unit = "-" }}
+k_t = {{ value = 1.0, unit = "N m/A", tolerance = 0.02 }}
+I_m = {{ value = {INERTIA}, unit = "kg m^2", tolerance = 0.05 }}
+I_g = {{ value = 0.0, unit = "kg m^2" }}
+I_l = {{ value = 0.0, unit = "kg m^2" }}
+d_m = {{ value = {DAMPING}, unit = "N m s/rad", tolerance = 0.1 }}
+[effects.coulomb]
+d_cm = {{ value = {DRY}, unit = "N m", tolerance = 0.1 }}
+[sensors.q_m]
+resolution = {{ value = {2.0 * np.pi / 65536}, unit = "rad" }}
+""")
+    return load_joint_file(path)
+
+
+def case_of(noise: float) -> Case:
+    return make_case([record(noise=noise)], [], datasheet(), get_structure("rigid"))
+
+
+def test_a_predictable_error_is_told_from_noise() -> None:
+    case = case_of(0.0)
+    errors = case.all.errors(case.joint)
+    nominal = predictable(case.all, errors, KEY)
+    assert nominal.share > 0.6, "friction that is not modelled can be predicted"
+    noise = np.random.default_rng(1).standard_normal(errors[1].shape)
+    assert predictable(case.all, [noise] * len(case.all.keys), KEY).share < 0.2
+
+
+def test_an_error_that_depends_on_how_the_motion_has_changed_is_predictable() -> None:
+    case = case_of(0.1)
+    log, group = case.all.logs[0], case.all.groups[0]
+    near = round(0.01 / log.dt)
+    ago = [np.clip(group.starts - k * near, 0, None) for k in (1, 2)]
+    change = log.acceleration[ago[0]] - log.acceleration[ago[1]]
+    errors = [np.tile(change[:, None] / np.std(change), (1, 8))] * len(case.all.keys)
+    share = predictable(case.all, errors, KEY).share
+    assert share > 0.75
+
+
+@pytest.mark.parametrize(("shaken", "noise"), [(SHAKEN, 0.0), (0.0, 0.1)])
+def test_errors_tell_a_torque_that_lasts_from_noise_of_the_input(
+    right: JointFile, shaken: float, noise: float
+) -> None:
+    case = make_case([record(shaken=shaken, noise=noise)], [], right, get_structure("rigid"))
+    one = left(case.all, case.joint, past=True)[KEY]
+    assert (one.share > 0.7 and one.lasting) == bool(shaken)
+    assert (one.share < 0.3) == bool(noise)
+    assert left(case.all, case.joint)[KEY].share < 0.3, "state and input do not show it"
+
+
+@pytest.mark.parametrize("shaken", [0.0, SHAKEN])
+def test_a_right_datasheet_has_a_gap_where_something_else_moves_the_joint(
+    right: JointFile, shaken: float
+) -> None:
+    found = diagnose(record(shaken=shaken), right, "rigid")
+    assert (found.verdict == "no_gap") == (not shaken)
+    assert ("external torque" in found.unexplained.text) == bool(shaken)
+    causes = [e.name for e in found.effects if e.stage != "sensing"]
+    assert not causes
