@@ -173,14 +173,16 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
         return Unexplained(share, STAGES[main.channel], f"{said} {text}".strip(), 0.0)
     predictable = min(row.found, 1.0) ** 2 * row.left.share
     share = row.left.share
-    of = f"{share:.0%} of the squared error of {row.channel} {_ahead(row)} ahead could be predicted"
+    source = "speed, angle, input and the past, but no effect of the table explains it."
     if row.lasting:
-        text = (
-            f"{of} from the errors just before: something lasting acts that neither state nor "
-            "input shows, such as an external torque."
+        source = (
+            "the errors just before: something lasting acts that neither state nor input shows, "
+            "such as an external torque."
         )
-    else:
-        text = f"{of} from speed, angle, input and the past, but no effect of the table explains it."
+    text = (
+        f"{share:.0%} of the squared error of {row.channel} {_ahead(row)} ahead could be predicted "
+        f"from {source}"
+    )
     return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
 
 
