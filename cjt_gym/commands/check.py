@@ -18,6 +18,8 @@ from cjt_gym.joint import STRUCTURES, JointFile, get_structure, load_joint_file
 from cjt_gym.records import joint_of, read_log, record_names
 from cjt_gym.records.files import NOMINAL
 
+LIMITS = frozenset({"current_saturation"})
+"""Effects that show where they act at less, rather than at more, than a given size."""
 HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
 
 
@@ -71,7 +73,10 @@ def _joint(options: argparse.Namespace) -> JointFile | None:
 def in_words(found: Examination, width: int) -> str:
     """Return an examination as text with lines of at most `width` characters."""
     channels = Table("Channels", "", [HEAD, *map(_row, found.channels.values())])
-    sizes = [(name, sized(*size)) for name, size in found.smallest.items()]
+    sizes = [
+        (name, f"{'up to ' if name in LIMITS else ''}{sized(*size)}")
+        for name, size in found.smallest.items()
+    ]
     parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]
     if found.notes:
         parts.append(_list("Remarks", found.notes, width, ""))

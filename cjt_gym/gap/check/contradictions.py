@@ -204,7 +204,9 @@ def spring(view: View) -> list[str]:
     times = factor / stiffness
     if 1.0 / SPRING < times < SPRING:
         return []
-    return [f"tau is {times:.3g} times the nominal stiffness times the deflection of the spring."]
+    said = f"tau is {times:.3g} times the nominal stiffness times the deflection of the spring"
+    swapped = 1.0 / SPRING < times * stiffness**2 < SPRING
+    return [f"{said}, as if q_m and tau were swapped." if swapped else f"{said}."]
 
 
 def _factor(x: np.ndarray, y: np.ndarray, alike: float = SAME) -> float | None:

@@ -332,6 +332,9 @@ def test_a_torque_against_its_spring_is_found() -> None:
     rec = simulate(friction=(1.5, 1.5))
     assert not any(said in fault for fault in examine(rec, sound, held).faults)
     assert any("tau is 3.33 " + said in fault for fault in examine(rec, odd, held).faults)
+    other = {**rec.columns, "q_m": rec["tau"], "tau": rec["q_m"]}
+    swapped = examine(replace(rec, columns=other), sound, held).faults
+    assert any("as if q_m and tau were swapped" in fault for fault in swapped)
 
 
 @pytest.mark.parametrize(("wrong", "said"), [(1.5, False), (4.0, True), (0.25, True)])
