@@ -21,9 +21,10 @@ UNSOUND = {
     OTHERS: "something other than the motor moves the joint as well",
 }
 """Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
-VAGUELY = 0.1
-"""Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat;
-that of cogging on five real records, of three to fifteen periods, was 0.01 to 0.05."""
+VAGUELY, OUT_OF_STEP = 0.1, 1.0
+"""Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat, and
+in cycles over all that the joint turned, above which its ends are out of step. That of cogging on
+five real records, of three to fifteen periods, was 0.01 to 0.05 of the frequency."""
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
 asymmetric: of equal friction in both, errors of the model have made 2 %."""
@@ -47,7 +48,8 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     elif "damping" in excluded:
         why.setdefault("coulomb", "this record does not tell it from viscous friction")
     open_ = with_rivals(first.effects, excluded)
-    open_ = [e.doubted("its frequency stays open") if _is_vague(e) else e for e in open_]
+    turned = _turned(first)
+    open_ = [e.doubted("its frequency stays open") if _is_vague(e, turned) else e for e in open_]
     open_ = [_perhaps_symmetric(e) for e in open_]
     skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
     if skewed or any(_falls_to_nothing(e) for e in open_):
@@ -77,10 +79,22 @@ def _falls_to_nothing(effect: NamedEffect) -> bool:
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
 
 
-def _is_vague(effect: NamedEffect) -> bool:
+def _turned(first: Diagnosis) -> float:
+    """Return the revolutions within the records, or metres; 0 if no angle shows them."""
+    channels = {} if first.examination is None else first.examination.channels
+    angle = channels.get("q_m") or channels.get("q_l")
+    if angle is None:
+        return 0.0
+    return angle.span / (2.0 * np.pi) if angle.unit == "rad" else angle.span
+
+
+def _is_vague(effect: NamedEffect, turned: float) -> bool:
     """Return whether the frequency of a torque over the angle is hardly determined."""
     f = effect.parameters.get("f")
-    return f is not None and f.high - f.low > VAGUELY * abs(f.value)
+    if f is None:
+        return False
+    width = f.high - f.low
+    return width > VAGUELY * abs(f.value) or width * turned > OUT_OF_STEP
 
 
 def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:

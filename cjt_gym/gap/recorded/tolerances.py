@@ -19,6 +19,8 @@ OUTSIDE = 3.0
 LEAST = 0.01
 """Relative deviation that an identified value always has: sensors are no better."""
 SMOOTHING = "dq_0"
+DRY = frozenset({"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"})
+"""Effects that friction among the parameters of a joint file needs to act."""
 
 
 def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
@@ -39,22 +41,23 @@ def stated(file: JointFile, effect: str, symbol: str) -> Quantity | None:
 
 
 def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
-    """Return remarks on effects that a joint has as its datasheet states, but does not list.
+    """Return remarks on friction that a joint has as its datasheet states, but does not list.
 
     Args:
         file: The datasheet.
         found: The joint that was found.
         named: Names of the effects that a diagnosis tells.
     """
+    missing = DRY & found.effects.keys() - file.effects.keys() - {*named}
     said = []
-    for name in found.effects.keys() - file.effects.keys() - {*named}:
+    for name in sorted(missing):
         symbols = [s for s in found.effects[name] if s in file.parameters.quantities]
         if symbols:
             said.append(
                 f"The joint file states {', '.join(symbols)} but lists no effect {name}: simulated "
                 f"as it stands, it lacks what is assumed here. Add [effects.{name}] to it."
             )
-    return sorted(said)
+    return said
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:

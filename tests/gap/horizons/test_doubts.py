@@ -415,3 +415,20 @@ def test_a_stated_value_that_gives_way_is_told(case: Case) -> None:
     assert "I_m = 0.026 kg m^2 for 0.02 within 5 %" in gave_way(judged, ())
     judged.joint = file
     assert gave_way(judged, ()) == ""
+
+
+@pytest.mark.parametrize(
+    ("cycles", "status"), [(0.4, "confirmed"), (1.5, "tentative")], ids=["in step", "out of step"]
+)
+def test_a_wave_whose_ends_may_be_out_of_step_is_not_confirmed(
+    told: Diagnosis, cycles: float, status: str
+) -> None:
+    assert told.examination is not None
+    half = 0.5 * cycles / (told.examination.channels["q_m"].span / (2.0 * np.pi))
+    f = 40.0 * half  # its frequency is known within 5 % in either case
+    numbers = {"f": Interval(f, f - half, f + half, "1/rev")}
+    effect = NamedEffect(
+        "cogging", "motor", "motor", None, numbers, "confirmed", 0.9, 0.2, (), 1.0
+    )  # fmt: skip
+    (found,) = allowed_by(replace(told, effects=(effect,)), {}).effects
+    assert found.status == status

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.recorded.tolerances import is_left_open
+from cjt_gym.gap.recorded.tolerances import is_left_open, unlisted
 from cjt_gym.joint import load_joint_file
 from cjt_gym.records import Record
 
@@ -103,3 +103,17 @@ def test_a_weight_is_as_listed_within_its_tolerance(
     path.write_text(ARM.format(dry=DRY, more=LISTED))
     file = load_joint_file(path)
     assert is_left_open(file, "gravity", {"torque": torque, "angle": angle}) == open_
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_friction_that_a_file_states_and_does_not_list_is_told(
+    tmp_path: Path, listed: bool
+) -> None:
+    stated, has = tmp_path / "arm.toml", tmp_path / "has.toml"
+    text = ARM.format(dry=DRY, more='d_cm = { value = 1.3, unit = "N m", source = "found" }')
+    has.write_text(text)
+    stated.write_text(text if listed else text[: text.index("[effects")])
+    sheet, found = load_joint_file(stated), load_joint_file(has)
+    said = unlisted(sheet, found, [])
+    assert ["d_cm" in one and "[effects.coulomb]" in one for one in said] == [True] * (not listed)
+    assert not unlisted(sheet, found, ["coulomb"])
