@@ -27,6 +27,7 @@ from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.judgement import NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.nameable import is_named, may_be_as_stated
+from cjt_gym.gap.horizons.named import _as_plain
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
@@ -432,3 +433,31 @@ def test_a_wave_whose_ends_may_be_out_of_step_is_not_confirmed(
     )  # fmt: skip
     (found,) = allowed_by(replace(told, effects=(effect,)), {}).effects
     assert found.status == status
+
+
+@pytest.mark.parametrize(
+    ("back", "alike", "level"),
+    [
+        (0.5, ("coulomb",), 0.55),
+        (0.0, ("coulomb", "torque_offset"), 0.3),
+        (0.0, ("coulomb",), None),
+        (0.25, ("coulomb", "torque_offset"), None),
+        (0.5, (), None),
+    ],
+)
+def test_friction_of_one_direction_is_plain_friction_beside_an_offset(
+    back: float, alike: tuple[str, ...], level: float | None
+) -> None:
+    numbers = {"d_cm": Interval(0.6, 0.5, 0.7, "N m"), "d_cm_n": Interval(back, 0.0, 0.9, "N m")}
+    effect = NamedEffect(
+        "coulomb_asym", "motor", "motor", None, numbers, "tentative", 0.5, 0.5, alike, 1.0
+    )  # fmt: skip
+    told = _as_plain(effect)
+    if level is None:
+        assert told is effect
+        return
+    assert told.name == "coulomb"
+    (one,) = told.parameters.values()
+    assert one.value == pytest.approx(level)
+    assert one.low <= 0.25 <= 0.8 <= one.high
+    assert told.confusable_with == ("coulomb_asym", *alike[1:])
