@@ -69,13 +69,30 @@ def _finite(text: str) -> float:
     return value
 
 
+class _Store(argparse.Action):
+    """Store what was given; an option of several values that is repeated loses none of them."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        before = getattr(namespace, self.dest, None)
+        if option_string and self.nargs in ("+", "*") and before and before is not self.default:
+            values = [*before, *values]
+        setattr(namespace, self.dest, values)
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that answers bad input with one line."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        """Take numbers that are finite only."""
+        """Take finite numbers only, and options of several values repeatedly."""
         super().__init__(*arguments, **options)
         self.register("type", float, _finite)
+        self.register("action", None, _Store)
 
     def error(self, message: str) -> NoReturn:
         """Print the line and exit with status 2."""

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 from cjt_gym import EFFECTS, joint_names, read_record
-from cjt_gym.cli import COMMANDS, main
+from cjt_gym.cli import COMMANDS, Parser, main
 from cjt_gym.commands.train import environment, tell
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.plant.randomization import resolve_randomization
@@ -228,6 +229,20 @@ def test_wrong_options_are_one_sentence_each(capsys: pytest.CaptureFixture[str])
             main(words)
         assert stop.value.code == 2
         assert capsys.readouterr().err.endswith(end)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_option_of_several_values_keeps_all_of_them_when_it_is_repeated(command: str) -> None:
+    parser = Parser(prog=command)
+    import_module(f"cjt_gym.commands.{command.replace('-', '_')}").add_arguments(parser)
+    several = [a for a in parser._actions if a.option_strings and a.nargs in ("+", "*")]
+    for action in several:
+        given = Namespace(**{action.dest: action.default})
+        for values in (["a"], ["b", "c"]):
+            action(parser, given, values, action.option_strings[0])
+        assert getattr(given, action.dest) == ["a", "b", "c"], action.option_strings
+    if command == "diagnose":
+        assert {a.dest for a in several} >= {"validate", "controller", "policy"}
 
 
 def test_effects_in_force_are_stated_and_typical_values_are_offered(

@@ -61,9 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--mapping", metavar="FILE", help="TOML file that says which column is what, in which unit")
     text = "controllers to run in the nominal and in the identified joint against the recorded "
     text += "tau_ref; where the record does not say what made it, it was the first of them"
-    add("--controller", nargs="+", default=[], action="extend", metavar="C", help=text)
+    add("--controller", nargs="+", default=[], metavar="C", help=text)
     text = "run folders of policies to run in both joints"
-    add("--policy", nargs="+", default=[], action="extend", metavar="RUN", help=text)
+    add("--policy", nargs="+", default=[], metavar="RUN", help=text)
     text = f"of longer logs use the most informative windows of so long in all [s], {SECONDS:g}"
     add("--seconds", type=float, default=SECONDS, help=text)
     text = f"folder for {', '.join(FILES)}; default: diagnosis/NAME of the first record"
