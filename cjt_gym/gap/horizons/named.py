@@ -31,7 +31,7 @@ from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.verdict import LATE, is_unknown, worst_row
+from cjt_gym.gap.horizons.verdict import LATE, unknown_row, worst_row
 from cjt_gym.gap.recorded.tolerances import VAGUE, tolerance_of
 
 FIRM = 2.0
@@ -249,7 +249,10 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
             "without the measured current, slow mechanics look the same",
         ),
         (bool(judged.unexplained) or worst.found >= LOUD, MUCH_LEFT),
-        (is_unknown(worst), "this record does not tell how much stays unexplained"),
+        (
+            unknown_row(judged) is not None,
+            "this record does not tell how much stays unexplained",
+        ),
         (bool(strained), f"{' and '.join(strained)} had to leave its tolerance beside it"),
     )
     return next((why for holds, why in doubts if holds), "")

@@ -53,6 +53,8 @@ REGRESSED = (
     ("offset", "torque_offset", "torque"),
 )
 """Name of the answer that is a regression, and its values: words, effect and symbol."""
+PERHAPS = 0.5
+"""Share of a squared error that seems predictable, though not surely, above which it is unknown."""
 QUIET = 0.05
 """Relative error up to which nothing need be said of what is left."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
@@ -130,24 +132,30 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
     """
     worst = worst_row(judged)
     loud = worst.found > (LOUD if worst.seconds != WHOLE else DRIFTLESS)
-    open_ = bool(judged.unexplained) or loud or is_unknown(worst)
+    unknown = unknown_row(judged) is not None
+    open_ = bool(judged.unexplained) or loud or unknown
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
         main = main_row(judged)
         other = judged.answer == LEAST or bool(refined(judged, known=True))
         moved = main.found < HALVED * main.datasheet > HALVED * TRIVIAL and other
         lasting = any(r.seconds > min(HORIZONS) and r.lasting for r in judged.unexplained)
-        open_ = loud or is_unknown(worst) or (open_ and (better or suspected or lasting))
+        open_ = loud or unknown or (open_ and (better or suspected or lasting))
         return "unexplained" if moved or open_ else "no_gap"
     return "partly_explained" if open_ else "explained"
 
 
-def is_unknown(row: Row) -> bool:
-    """Return whether an error that is not small may be predictable for all that a record shows.
+def unknown_row(judged: Judgement) -> Row | None:
+    """Return a row whose error is not small and may be predictable for all that a record shows.
 
-    A short record has too few windows to tell.
+    A short record has too few windows to tell; one of few motions may have too few to be sure.
     """
-    return row.left is None and row.seconds != WHOLE and row.found > NEAR
+    worst = worst_row(judged)
+    main = [r for r in judged.rows if r.channel == worst.channel and r.seconds > min(HORIZONS)]
+    perhaps = [r for r in main if r.left is not None and r.left.share > PERHAPS]
+    doubtful = [worst] if worst.left is None and worst.seconds != WHOLE else []
+    doubtful += [r for r in perhaps if not r.unexplained]
+    return next((r for r in doubtful if r.found > NEAR), None)
 
 
 def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexplained:
@@ -156,14 +164,15 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
     row = max(rows, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
     said = _said(judged)
     if row is None or row.left is None:
-        main = worst_row(judged)
+        unknown = unknown_row(judged)
+        main = unknown or worst_row(judged)
         if verdict in ("explained", "no_gap"):
             known = main.left is not None or main.found < QUIET or main.seconds == WHOLE
             text = NOTHING_LEFT if known else _not_told(main)
             return Unexplained(0.0, None, f"{said} {text}".strip(), 0.0)
         share = min(main.found, 1.0) ** 2
-        if is_unknown(main):
-            text = _not_told(main)
+        if unknown is not None:
+            text = _not_told(unknown)
         elif main.found < QUIET:
             text = ""  # the refined values leave next to nothing
         else:

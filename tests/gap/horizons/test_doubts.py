@@ -316,17 +316,22 @@ def test_what_is_left_of_the_measured_start_alone_is_not_unexplained(
 
 
 @pytest.mark.parametrize(
-    ("left", "verdict"), [(None, "unexplained"), (Predictable(0.02, 0.05), "no_gap")]
+    ("left", "verdict"),
+    [
+        (None, "unexplained"),
+        (Predictable(0.02, 0.05), "no_gap"),
+        (Predictable(0.6, 0.3), "unexplained"),
+    ],
 )
 def test_what_nobody_could_judge_is_not_called_no_gap(
     left: Predictable | None, verdict: str, case: Case
 ) -> None:
-    """Of a short record no regression tells whether 42 % of the motion could be predicted."""
+    """Of a short record no regression tells surely whether 42 % of the motion is predictable."""
     rows = tuple(Row(s, "q_m", 0.5, None, 0.42, 0.4 if left else None, left) for s in (0.02, 0.1))
     judged = Judgement(case, "base", case.joint, rows)
     assert verdict_of(judged, (), suspected=False) == verdict
     said = unexplained_of(judged, verdict, ()).text
-    assert ("does not tell how much of it could be" in said) == (left is None)
+    assert ("does not tell how much of it could be" in said) == (verdict == "unexplained")
 
 
 @pytest.mark.parametrize(
