@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 STEP = 0.01
 """Step of a coordinate for finite-difference slopes, in units of its scale."""
 DIGITS = 8
+PASSED = np.linspace(-1.0, 1.0, 9)
+"""Places on the way from one end of an interval to the other where a number is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +61,17 @@ class Scatter:
         return np.asarray(self.slopes @ self.spread.matrix @ self.slopes.T)
 
     def intervals(self) -> dict[str, Interval]:
-        """Return the 95 % intervals, along the most probable change of the coordinates."""
+        """Return the 95 % intervals, along the most probable change of the coordinates.
+
+        A number need not change evenly: the weight that two components have falls to zero between
+        opposite angles.
+        """
         z, found = self.spread.fit.z, {}
         for name, value, slope in zip(self.names, self.values, self.slopes, strict=True):
             way = self.spread.matrix @ slope
             way *= self.spread.factor / np.sqrt(max(float(slope @ way), 1e-300))
-            ends = sorted(_numbers(self.spread.model, z + s * way)[name] for s in (-1.0, 1.0))
-            found[name] = Interval(float(value), ends[0], ends[1], "")
+            passed = [_numbers(self.spread.model, z + s * way)[name] for s in PASSED]
+            found[name] = Interval(float(value), min(passed), max(passed), "")
         return found
 
     def untold(self, named: Collection[str]) -> frozenset[str]:

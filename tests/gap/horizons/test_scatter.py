@@ -52,6 +52,15 @@ def test_the_components_of_a_weight_become_its_size_and_angle() -> None:
     assert found.matrix == pytest.approx(np.diag([4e-4, 1e-4]), rel=1e-3, abs=1e-9)
 
 
+def test_a_weight_that_may_be_none_has_an_interval_down_to_zero_with_its_value_inside() -> None:
+    term = gravity(Joint(datasheet(), "rigid", "current", {}), SCALES)
+    size = term.numbers[0].scale
+    found = scatter([term], [0.0, 0.15 / size], np.diag([1e-6, 0.25]) / size**2)
+    ends = found.intervals()["gravity.torque"]
+    assert ends.low == pytest.approx(0.0, abs=0.11)
+    assert ends.low <= ends.value == pytest.approx(0.15) <= ends.high == pytest.approx(1.15)
+
+
 @pytest.mark.parametrize(
     ("z", "deviation", "open_"),
     [(0.0, 0.05, ()), (0.0, 20.0, ("inertia.I_m",)), (-1e3, 0.05, ("inertia.I_m",))],
