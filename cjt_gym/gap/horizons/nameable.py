@@ -42,8 +42,19 @@ NOTHING = 1e-3
 """Share of a search step by which an effect must differ from no effect."""
 
 
-def is_named(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent]) -> bool:
-    """Return whether a term is supported and deviates beyond what the datasheet allows."""
+def is_named(
+    judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent], *, alone: bool = False
+) -> bool:
+    """Return whether a term is supported and deviates beyond what the datasheet allows.
+
+    Args:
+        judged: The judgement.
+        index: Index of the term.
+        term: The term.
+        seen: Effects that a regression of the torque shows.
+        alone: Whether no other term is named although predictions are much better: what left a
+            stated tolerance by far is then named even if few places show it.
+    """
     assert judged.found is not None
     found = judged.found
     values = found.fit.model.values(found.fit.z)[index]
@@ -52,7 +63,8 @@ def is_named(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent
     told = told or (worth.enough and term.restated and _is_felt(judged, term, values))
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False
-    if not told and not agrees(seen.get(term.name), values):
+    told = told or agrees(seen.get(term.name), values)
+    if not (told or (alone and _is_far_off(judged, term, values))):
         return False
     if term.name == "gravity" and "gravity" not in seen and not _weighs(judged, values):
         return False
@@ -72,6 +84,13 @@ def is_named(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent
         return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
+
+
+def _is_far_off(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
+    """Return whether a datasheet value left the tolerance that is stated by far."""
+    tolerance = stated_tolerance(judged.case.joint, term)
+    ratio = values[0] / term.nominal[0] if tolerance and term.nominal[0] else 0.0
+    return ratio > 0.0 and abs(np.log(ratio)) > OUTSIDE * (tolerance or 0.0)
 
 
 def _is_felt(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
@@ -95,9 +114,12 @@ def _is_felt(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
 
 
 def may_be_as_stated(spread: Spread, term: Term, effect: NamedEffect) -> bool:
-    """Return whether the interval of a datasheet value includes what the datasheet states."""
+    """Return whether the interval of a datasheet value includes what the datasheet states.
+
+    A wave of no height, whatever its frequency, is no such value.
+    """
     symbol = term.numbers[0].symbol
-    if not term.nominal[0] or symbol not in effect.parameters:
+    if not all(term.nominal) or symbol not in effect.parameters:
         return False
     one = effect.parameters[symbol]
     return one.low <= spread.stated(term, term.nominal[0]) <= one.high

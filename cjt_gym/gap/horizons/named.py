@@ -31,7 +31,7 @@ from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.verdict import LATE, unknown_row, worst_row
+from cjt_gym.gap.horizons.verdict import HALVED, LATE, main_row, unknown_row, worst_row
 from cjt_gym.gap.recorded.tolerances import VAGUE, tolerance_of
 
 FIRM = 2.0
@@ -75,6 +75,25 @@ def effects_of(
     """Return the effects to name, sorted by the share of the error that they remove."""
     if judged.found is None or judged.problem is None or judged.answer == "datasheet":
         return of_drive(judged)
+    named = _of_search(judged, excluded, seen)
+    main = main_row(judged)
+    if not named and main.found < HALVED * main.datasheet:
+        named = _of_search(judged, excluded, seen, alone=True)
+    named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
+    named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
+    return tuple(sorted(named, key=lambda e: -e.gap_removed))
+
+
+def _of_search(
+    judged: Judgement,
+    excluded: Mapping[str, str],
+    seen: Mapping[str, Spent],
+    *,
+    alone: bool = False,
+) -> list[NamedEffect]:
+    """Return the terms of a search to name; `alone` as for `is_named`."""
+    assert judged.found is not None
+    assert judged.problem is not None
     found, spread = judged.found, spread_of(judged.problem, judged.found.fit)
     named = []
     for k, term in enumerate(found.fit.model.terms):
@@ -83,14 +102,12 @@ def effects_of(
         at_once = term.name in LATE and follows_at_once(judged)
         if at_once or open_ or not (there and term.told):
             continue
-        if is_named(judged, k, term, seen):
+        if is_named(judged, k, term, seen, alone=alone):
             effect = _named(judged, spread, k, term)
             if may_be_as_stated(spread, term, effect) or is_open(judged, effect):
                 continue
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
-    named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
-    named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
-    return tuple(sorted(named, key=lambda e: -e.gap_removed))
+    return named
 
 
 def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:

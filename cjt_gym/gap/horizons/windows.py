@@ -306,7 +306,8 @@ def _joined_up(pieces: Sequence[Piece]) -> list[Piece]:
 def _spread(own: Sequence[Piece], length: int, share: float) -> tuple[Integers, Integers]:
     """Return starts of windows, spread evenly, and the samples of their piece before each.
 
-    Each piece is longer than a window.
+    Each piece is longer than a window. The last windows end where their pieces do: a quick stop
+    there shows an inertia that slow motion does not.
     """
     total = _size(own)
     starts: list[int] = []
@@ -317,7 +318,7 @@ def _spread(own: Sequence[Piece], length: int, share: float) -> tuple[Integers, 
         count = int(due)
         due -= count
         room = p.stop - p.start - length
-        places = np.unique(((np.arange(count) + 0.5) / max(count, 1) * room).astype(int))
+        places = np.unique(np.linspace(0.0, room, count).astype(int))
         starts += (p.start + places).tolist()
         before += places.tolist()
     return np.array(starts, dtype=np.int64), np.array(before, dtype=np.int64)

@@ -41,23 +41,23 @@ def stated(file: JointFile, effect: str, symbol: str) -> Quantity | None:
 
 
 def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
-    """Return remarks on friction that a joint has as its datasheet states, but does not list.
+    """Return a remark on dry friction that a joint has as its datasheet states, but does not list.
 
     Args:
         file: The datasheet.
         found: The joint that was found.
         named: Names of the effects that a diagnosis tells.
     """
-    missing = DRY & found.effects.keys() - file.effects.keys() - {*named}
-    said = []
-    for name in sorted(missing):
-        symbols = [s for s in found.effects[name] if s in file.parameters.quantities]
-        if symbols:
-            said.append(
-                f"The joint file states {', '.join(symbols)} but lists no effect {name}: simulated "
-                f"as it stands, it lacks what is assumed here. Add [effects.{name}] to it."
-            )
-    return said
+    if DRY & (file.effects.keys() | {*named}):
+        return []
+    given = {s for name in DRY & found.effects.keys() for s in found.effects[name]}
+    symbols = sorted(given & file.parameters.quantities.keys() - {SMOOTHING})
+    if not symbols:
+        return []
+    return [
+        f"The joint file states {', '.join(symbols)} but lists no dry friction: simulated as it "
+        "stands, it has none of what is assumed here. Add [effects.coulomb] to it."
+    ]
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:

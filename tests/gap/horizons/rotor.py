@@ -5,10 +5,12 @@ It shares no formula with the project.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint import JointFile
+from cjt_gym.joint import JointFile, load_joint_file
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
@@ -26,6 +28,27 @@ def datasheet(inertia: float = 2.0, tolerance: float | None = None) -> JointFile
     return JointFile(bare.replace(I_m=stated))
 
 
+def right_datasheet(path: Path) -> JointFile:
+    """Return a datasheet that is right in all it states, written to a file."""
+    path.write_text(f"""
+name = "rotor"
+source = "test"
+structure = "rigid"
+[parameters]
+n = {{ value = 1.0, unit = "-" }}
+k_t = {{ value = 1.0, unit = "N m/A", tolerance = 0.02 }}
+I_m = {{ value = {INERTIA}, unit = "kg m^2", tolerance = 0.05 }}
+I_g = {{ value = 0.0, unit = "kg m^2" }}
+I_l = {{ value = 0.0, unit = "kg m^2" }}
+d_m = {{ value = {DAMPING}, unit = "N m s/rad", tolerance = 0.1 }}
+[effects.coulomb]
+d_cm = {{ value = {DRY}, unit = "N m", tolerance = 0.1 }}
+[sensors.q_m]
+resolution = {{ value = {2.0 * np.pi / 65536}, unit = "rad" }}
+""")
+    return load_joint_file(path)
+
+
 def record(
     seconds: float = 12.0,
     dry: float = DRY,
@@ -38,6 +61,7 @@ def record(
     late: float = 0.0,
     dt: float = DT,
     shaken: float = 0.0,
+    cogged: float = 0.0,
 ) -> Record:
     """Return a record of the mass under slow and fast torques.
 
@@ -52,6 +76,7 @@ def record(
         back: Damping [N m s/rad] and Coulomb friction [N m] backward, where they differ.
         dt: Time between two rows [s].
         shaken: Amplitude of a torque of 7.3 Hz that nothing records [N m].
+        cogged: Amplitude of a torque that repeats 14 times per revolution [N m].
     """
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds / dt)) * dt
@@ -66,6 +91,7 @@ def record(
         angle[k] = q
         for torque in acts[k * FINE : (k + 1) * FINE]:
             damping, level = back if back is not None and v < 0.0 else (DAMPING, dry)
+            torque -= cogged * np.sin(14.0 * q)
             free = v + h * (torque - damping * v) / INERTIA
             stop = h * level / INERTIA
             v = free - min(max(free, -stop), stop)

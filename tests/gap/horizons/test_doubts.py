@@ -440,6 +440,24 @@ def test_a_wave_whose_ends_may_be_out_of_step_is_not_confirmed(
     assert found.status == status
 
 
+@pytest.mark.parametrize(("factor", "alone"), [(0.67, True), (0.9, False)])
+def test_a_value_that_left_its_tolerance_by_far_is_named_where_nothing_else_is(
+    factor: float, alone: bool
+) -> None:
+    off = make_case([record()], [], datasheet(1.5, tolerance=0.05), RIGID)
+    terms = base_terms(off.joint, scales_of(off.joint, off.logs))
+    loose = next(t for t in freed(terms) if t.name == "inertia")
+    model = Model(off.joint, (loose, *terms[1:]))
+    z = np.zeros(len(model.numbers))
+    z[0] = loose.numbers[0].coordinate(factor)
+    fits = [Fit(m, x, 0.0, []) for m, x in ((model, z), (Model(off.joint, terms), 0.0 * z))]
+    weak = replace(CLEAR, clear=0.5)
+    found = Found(*fits, (weak,) * len(terms), ((),) * len(terms), (fits[1],) * len(terms))
+    judged = Judgement(off, "found", off.joint, (), found=found)
+    assert not is_named(judged, 0, loose, {})
+    assert is_named(judged, 0, loose, {}, alone=True) == alone
+
+
 @pytest.mark.parametrize(
     ("back", "alike", "level"),
     [

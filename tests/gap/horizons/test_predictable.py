@@ -1,8 +1,6 @@
-"""What of an error could be predicted, and from what."""
+"""What of an error could be predicted, from what, and what then is named."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +8,8 @@ import pytest
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.predictable import left, predictable
-from cjt_gym.joint import JointFile, get_structure, load_joint_file
-from tests.gap.horizons.rotor import DAMPING, DRY, INERTIA, datasheet, record
+from cjt_gym.joint import JointFile, get_structure
+from tests.gap.horizons.rotor import datasheet, record, right_datasheet
 
 KEY = ("q_m", 0.1)
 SHAKEN = 0.1
@@ -19,25 +17,7 @@ SHAKEN = 0.1
 
 @pytest.fixture(scope="module")
 def right(tmp_path_factory: pytest.TempPathFactory) -> JointFile:
-    """A datasheet that is right in all it states."""
-    path: Path = tmp_path_factory.mktemp("right") / "rotor.toml"
-    path.write_text(f"""
-name = "rotor"
-source = "test"
-structure = "rigid"
-[parameters]
-n = {{ value = 1.0, unit = "-" }}
-k_t = {{ value = 1.0, unit = "N m/A", tolerance = 0.02 }}
-I_m = {{ value = {INERTIA}, unit = "kg m^2", tolerance = 0.05 }}
-I_g = {{ value = 0.0, unit = "kg m^2" }}
-I_l = {{ value = 0.0, unit = "kg m^2" }}
-d_m = {{ value = {DAMPING}, unit = "N m s/rad", tolerance = 0.1 }}
-[effects.coulomb]
-d_cm = {{ value = {DRY}, unit = "N m", tolerance = 0.1 }}
-[sensors.q_m]
-resolution = {{ value = {2.0 * np.pi / 65536}, unit = "rad" }}
-""")
-    return load_joint_file(path)
+    return right_datasheet(tmp_path_factory.mktemp("right") / "rotor.toml")
 
 
 def case_of(noise: float) -> Case:
@@ -84,3 +64,13 @@ def test_a_right_datasheet_has_a_gap_where_something_else_moves_the_joint(
     assert ("external torque" in found.unexplained.text) == bool(shaken)
     causes = [e.name for e in found.effects if e.stage != "sensing"]
     assert not causes
+
+
+def test_a_wave_over_the_angle_is_confirmed_with_its_height(right: JointFile) -> None:
+    found = diagnose(record(cogged=0.06), right, "rigid")
+    (wave,) = (e for e in found.effects if e.stage != "sensing")
+    assert (wave.name, wave.status) == ("cogging", "confirmed")
+    f, a, b = (wave.parameters[s].value for s in "fab")
+    assert f == pytest.approx(14.0, rel=0.01)
+    assert np.hypot(a, b) == pytest.approx(0.06, rel=0.1)
+    assert wave.gap_removed > 0.5
