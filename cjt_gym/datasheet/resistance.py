@@ -13,6 +13,7 @@ from cjt_gym.datasheet.drawing import COLOURS, HALF, INK, canvas
 from cjt_gym.datasheet.drawing import legend as place_legend
 from cjt_gym.datasheet.notation import drawn
 from cjt_gym.joint import Joint, JointFile
+from cjt_gym.joint.effects.friction import DRY
 from cjt_gym.joint.ripple import RIPPLES
 
 PERIODS = 3.0  # of the slowest ripple, to see that it repeats
@@ -20,8 +21,6 @@ DAMPINGS = ("d_m", "d_g", "d_l")
 SHARE = 0.2
 """Share of the peak torque at which ripple that grows with the torque is drawn."""
 
-
-DRY = {"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"}
 EFFECTS = {*DRY, *("viscous_asym", "load_friction", "damping"), *RIPPLES}
 """Effects that the drawing shows."""
 

@@ -81,9 +81,9 @@ def diagnose(
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
         raise _nothing_moves(first)
     absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
-    unused = [f"{name} {said}, and was not used." for name, said in absent.items()]
+    remarks = [f"{name} {said}, and was not used." for name, said in absent.items()]
     driven, moved = driven_only(bridged(measured_only([*given, *held]))[0], shape)
-    unused += moved
+    remarks += moved
     parts = driven[: len(given)], driven[len(given) :]
     given, held = ([one for one in some if is_left(one)] for some in parts)
     if not given:
@@ -110,14 +110,14 @@ def diagnose(
                 found = judged(far_off, given, held, file, shape, progress)
             known = any("i" in one for one in given)
             found = at_the_floor(found, replace(file, structure=shape.name), measured=known)
-        unused += unlisted(file, found.joint, [e.name for e in found.effects])
+        remarks += unlisted(file, found.joint, [e.name for e in found.effects])
         joint = with_sensors(found.joint, found.effects, title_of(given[0]))
         found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
-    return remarked(found, given, pieces, shape, unused)
+    return remarked(found, given, pieces, shape, remarks)
 
 
 def _nothing_moves(record: Record) -> RecordError:
@@ -174,10 +174,10 @@ def remarked(
     given: Sequence[Record],
     used: Sequence[Stretch],
     shape: Structure,
-    unused: Sequence[str],
+    others: Sequence[str],
 ) -> Diagnosis:
     """Return a diagnosis that begins with what its reader has to know of the log."""
-    remarks = [*unused]
+    remarks = [*others]
     advice = set() if found.examination is None else {*found.examination.advice}
     if OTHERS in advice:
         remarks.append(

@@ -17,7 +17,8 @@ from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.judgement import Judgement, Row
 from cjt_gym.gap.horizons.model import Draft, drafted
 from cjt_gym.gap.horizons.predictable import Predictable
-from cjt_gym.gap.horizons.verdict import corrected, unexplained_of, verdict_of
+from cjt_gym.gap.horizons.refined import corrected
+from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.joint import get_structure, to_toml
 from cjt_gym.records import Record, read_record

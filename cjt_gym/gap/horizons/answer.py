@@ -26,17 +26,9 @@ from cjt_gym.gap.horizons.judge import Progress, judge
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import of_drive
+from cjt_gym.gap.horizons.refined import BESIDE, LATE, NAMELESS, corrected, gave_way
 from cjt_gym.gap.horizons.tell import horizons_of, retold
-from cjt_gym.gap.horizons.verdict import (
-    BESIDE,
-    DRIFTLESS,
-    LATE,
-    NAMELESS,
-    corrected,
-    gave_way,
-    main_row,
-    unexplained_of,
-)
+from cjt_gym.gap.horizons.verdict import DRIFTLESS, main_row, unexplained_of
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.gap.recorded.tolerances import is_left_open

@@ -16,9 +16,9 @@ from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.model import Term, motor_inertia
 from cjt_gym.gap.horizons.spent import BLOCKS, Spent
-from cjt_gym.gap.recorded.tolerances import DRY as NEEDED
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.effects import friction
 
 HELD = (
     "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
@@ -42,7 +42,7 @@ EITHER: Mapping[str, tuple[str, ...]] = {
     "cogging": ("gear_ripple",),
 }
 """Explanations that are (nearly) equivalent while a joint moves: none of them is confirmed."""
-DRY = NEEDED | {"load_friction"}
+DRY = friction.DRY | {"load_friction"}
 """Laws of dry friction; a regression sees only the plain one."""
 SAME: Mapping[str, frozenset[str]] = {
     "damping": frozenset({"viscous_asym"}),

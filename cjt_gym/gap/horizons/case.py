@@ -11,7 +11,8 @@ import numpy as np
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.log import SMOOTH, Log, to_logs
 from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.windows import HORIZONS, Windows, cut, make_windows, rescaled, split
+from cjt_gym.gap.horizons.pieces import cut, split
+from cjt_gym.gap.horizons.windows import HORIZONS, Windows, make_windows, rescaled
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.quantity import Quantity

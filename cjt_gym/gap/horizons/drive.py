@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from cjt_gym.gap.horizons.log import Log
-from cjt_gym.gap.horizons.windows import Piece
+from cjt_gym.gap.horizons.pieces import Piece
 
 Floats = NDArray[np.float64]
 DELAYS = np.arange(0.0, 8.01, 0.25)

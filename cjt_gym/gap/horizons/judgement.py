@@ -42,7 +42,7 @@ class Row(Horizon):
 
     @property
     def lasting(self) -> bool:
-        """Whether the errors just before predict most of what is predictable."""
+        """Whether the errors just before predict the error best."""
         return self.left is not None and self.left.lasting
 
 

@@ -13,11 +13,11 @@ from cjt_gym.gap.horizons.grow import is_needed, leave
 from cjt_gym.gap.horizons.inverse import DRAGS, inverse, swinging
 from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.horizons.refined import is_far_off, is_usual_offset
 from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread
-from cjt_gym.gap.horizons.verdict import is_usual_offset
 from cjt_gym.gap.horizons.windows import HORIZONS
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
 
@@ -64,7 +64,7 @@ def is_named(
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False
     told = told or agrees(seen.get(term.name), values)
-    if not (told or (alone and _is_far_off(judged, term, values))):
+    if not (told or (alone and is_far_off(judged, term, values[0]))):
         return False
     if term.name == "gravity" and "gravity" not in seen and not _weighs(judged, values):
         return False
@@ -84,13 +84,6 @@ def is_named(
         return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
-
-
-def _is_far_off(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
-    """Return whether a datasheet value left the tolerance that is stated by far."""
-    tolerance = stated_tolerance(judged.case.joint, term)
-    ratio = values[0] / term.nominal[0] if tolerance and term.nominal[0] else 0.0
-    return ratio > 0.0 and abs(np.log(ratio)) > OUTSIDE * (tolerance or 0.0)
 
 
 def _is_felt(judged: Judgement, term: Term, values: Sequence[float]) -> bool:

@@ -26,12 +26,13 @@ from cjt_gym.gap.horizons.nameable import (
     may_be_as_stated,
     share_removed,
 )
+from cjt_gym.gap.horizons.refined import LATE
 from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.verdict import HALVED, LATE, main_row, unknown_row, worst_row
+from cjt_gym.gap.horizons.verdict import HALVED, main_row, unknown_row, worst_row
 from cjt_gym.gap.recorded.tolerances import VAGUE, tolerance_of
 
 FIRM = 2.0

@@ -2,12 +2,13 @@
 
 A flexible ridge regression (on random Fourier features) of the error at the end of each window on
 the state at its start, the input within it and the recent past, and another one on the errors of
-the windows just before. They are trained on some pieces of the record and tested on the others:
-what they predict there is not noise. The remainder is the floor.
+the windows just before. They are trained on some pieces of the record and tested on the others,
+without a sample in common: what they predict there is not noise. The remainder is the floor.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 FEATURES = 60
 FOLDS = 6
 RIDGES = np.geomspace(1e-2, 1e4, 9)
@@ -39,8 +41,7 @@ class Predictable:
     Attributes:
         share: Share of their mean square that a regression predicts on unseen pieces, 0 to 1.
         deviation: Standard deviation of that share, from the folds.
-        lasting: Whether the errors just before predict most of it: what acts outlasts a window, and
-            neither state nor input shows it.
+        lasting: Whether the errors just before predict it best: what acts outlasts a window.
     """
 
     share: float
@@ -85,23 +86,28 @@ def _scaled(x: Floats) -> Floats:
     return np.asarray(np.clip(x / spread[spread > 1e-12], -4.0, 4.0))
 
 
-def earlier(windows: Windows, joint: Joint, key: Key) -> Floats:
+def earlier(windows: Windows, forecasts: Mapping[int, Forecast], key: Key) -> Floats:
     """Return errors at the ends of the windows just before, of unit deviation, shape (windows, n).
 
     Each ends where the next begins. They are 0 where the record has no room for them.
+
+    Args:
+        windows: The windows.
+        forecasts: The joint on each record.
+        key: The kind of error.
     """
     channel, horizon = key
     rows = []
     for group in windows.groups_of(key):
         log = windows.logs[group.log]
-        forecast, last = Forecast(joint, log), int(group.points(horizon, log.dt)[-1])
+        last = int(group.points(horizon, log.dt)[-1])
         broken = np.concatenate([[0], np.cumsum(~log.whole)])
         errors = []
         for k in range(1, EARLIER + 1):
             start = np.maximum(group.starts - k * last, 0)
             known = (group.starts >= k * last) & (broken[group.starts + 1] == broken[start])
             leads, lengths = np.minimum(group.leads, start), np.full(len(start), last + 1)
-            out = forecast.windows(start, lengths, leads)[:, last, CHANNELS[channel]]
+            out = forecasts[group.log].windows(start, lengths, leads)[:, last, CHANNELS[channel]]
             error = out - log.measured[channel][start + last]
             errors.append(np.where(known & np.isfinite(error), error, 0.0))
         rows.append(np.stack(errors, axis=1))
@@ -109,7 +115,11 @@ def earlier(windows: Windows, joint: Joint, key: Key) -> Floats:
 
 
 def predictable(
-    windows: Windows, errors: list[Floats], key: Key, joint: Joint | None = None, seed: int = 0
+    windows: Windows,
+    errors: list[Floats],
+    key: Key,
+    past: Floats | None = None,
+    seed: int = 0,
 ) -> Predictable:
     """Return the predictable share of the errors of a kind.
 
@@ -117,7 +127,7 @@ def predictable(
         windows: The predicted windows.
         errors: Errors of each kind.
         key: The kind.
-        joint: Joint that has these errors, to predict them from earlier ones as well.
+        past: What `earlier` returns, to predict errors from earlier ones as well.
         seed: Seed of the random features.
     """
     error = errors[windows.keys.index(key)][:, -1]
@@ -130,14 +140,42 @@ def predictable(
     y = np.clip(error, -CLIP * size, CLIP * size) if size > 0.0 else error
     order = np.unique(pieces)
     fold = (np.searchsorted(order, pieces) * FOLDS) // len(order)
+    folds = _folds(_spans(windows, key)[good], fold)
+    if min(train.sum() for train, _ in folds) < FEWEST // 2:
+        return Predictable(0.0, 1.0)
     sets = [state, np.hstack([state, changes])]
-    share, deviation = max(_shares(_waves(x, seed), y, fold) for x in sets)
+    share, deviation = max(_shares(_waves(x, seed), y, folds) for x in sets)
     lasting = False
-    if joint is not None and (past := earlier(windows, joint, key)[good]).any():
-        by_past = _shares(np.hstack([np.ones((len(past), 1)), past]), y, fold)
+    if past is not None and past.any():
+        before = past[good]
+        by_past = _shares(np.hstack([np.ones((len(before), 1)), before]), y, folds)
         lasting = by_past[0] > share
         share, deviation = max(by_past, (share, deviation))
     return Predictable(float(np.clip(share, 0.0, 1.0)), deviation, lasting)
+
+
+def _spans(windows: Windows, key: Key) -> Integers:
+    """Return the record, first sample and sample after the last of each window, shape (W, 3)."""
+    spans = []
+    for group in windows.groups_of(key):
+        last = int(group.points(key[1], windows.logs[group.log].dt)[-1])
+        log = np.full(len(group.starts), group.log)
+        spans.append(np.stack([log, group.starts, group.starts + last + 1], axis=1))
+    return np.concatenate(spans)
+
+
+def _folds(spans: Integers, fold: Integers) -> list[tuple[Flags, Flags]]:
+    """Return which windows train and which test in each fold; no two of them share a sample."""
+    found = []
+    for f in range(FOLDS):
+        test = fold == f
+        train = ~test
+        for log in np.unique(spans[test, 0]):
+            start, stop = spans[test & (spans[:, 0] == log), 1:].T
+            apart = (spans[:, 1] >= stop.max()) | (spans[:, 2] <= start.min())
+            train &= apart | (spans[:, 0] != log)
+        found.append((train, test))
+    return found
 
 
 def _waves(x: Floats, seed: int) -> Floats:
@@ -148,18 +186,17 @@ def _waves(x: Floats, seed: int) -> Floats:
     return np.hstack([np.ones((len(x), 1)), x, np.tanh(10.0 * x[:, :1]), np.cos(x @ w + phase)])
 
 
-def _shares(phi: Floats, y: Floats, fold: Integers) -> tuple[float, float]:
+def _shares(phi: Floats, y: Floats, folds: list[tuple[Flags, Flags]]) -> tuple[float, float]:
     """Return the predicted share over folds and its deviation, at the best ridge parameter."""
-    total = np.array([np.sum(y[fold == f] ** 2) for f in range(FOLDS)])
+    total = np.array([np.sum(y[test] ** 2) for _, test in folds])
     left = np.zeros((FOLDS, len(RIDGES)))
-    for f in range(FOLDS):
-        train = fold != f
+    for f, (train, test) in enumerate(folds):
         a, b = phi[train], y[train]
         u, s, vt = np.linalg.svd(a, full_matrices=False)
         project = u.T @ b
         for k, ridge in enumerate(RIDGES):
             weights = vt.T @ (s / (s**2 + ridge) * project)
-            left[f, k] = np.sum((y[~train] - phi[~train] @ weights) ** 2)
+            left[f, k] = np.sum((y[test] - phi[test] @ weights) ** 2)
     best = int(np.argmin(left.sum(axis=0)))
     share = 1.0 - left[:, best].sum() / max(total.sum(), 1e-300)
     each = (total - left[:, best]) / max(total.sum(), 1e-300)
@@ -174,5 +211,11 @@ def left(windows: Windows, joint: Joint, *, past: bool = False) -> dict[Key, Pre
         joint: The joint.
         past: Whether to predict errors from earlier ones as well.
     """
-    errors, known = windows.errors(joint), joint if past else None
-    return {k: predictable(windows, errors, k, known) for k in windows.keys if k[1] in HORIZONS}
+    errors = windows.errors(joint)
+    used = {group.log for group in windows.groups} if past else set()
+    forecasts = {n: Forecast(joint, windows.logs[n]) for n in used}
+    return {
+        key: predictable(windows, errors, key, earlier(windows, forecasts, key) if past else None)
+        for key in windows.keys
+        if key[1] in HORIZONS
+    }

@@ -15,20 +15,16 @@ from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.named import effects_of
 from cjt_gym.gap.horizons.pictured import pictured
-from cjt_gym.gap.horizons.sheet import stated_tolerance
-from cjt_gym.gap.horizons.spent import Spent
-from cjt_gym.gap.horizons.verdict import (
+from cjt_gym.gap.horizons.refined import (
     LATE,
     corrected,
-    gap_of,
     is_usual_offset,
-    main_row,
     moving_together,
     refined,
-    stages_of,
-    unexplained_of,
-    verdict_of,
 )
+from cjt_gym.gap.horizons.sheet import stated_tolerance
+from cjt_gym.gap.horizons.spent import Spent
+from cjt_gym.gap.horizons.verdict import gap_of, main_row, stages_of, unexplained_of, verdict_of
 from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.write import joint_of
 from cjt_gym.gap.recorded.tolerances import OUTSIDE

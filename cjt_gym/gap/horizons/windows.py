@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.forward import CHANNELS, LEAD, Forecast
 from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.pieces import SHORTEST, Piece, joined_up, size_of
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -18,16 +18,8 @@ Integers = NDArray[np.int64]
 Key = tuple[str, float]
 HORIZONS = (0.02, 0.1, 0.5)
 """Prediction horizons [s]."""
-SHORTEST = 3
-"""Fewest samples of a window."""
 POINTS = 8
 """Number of evenly spaced samples of a window that are evaluated."""
-PIECES = 24
-"""Number of pieces into which a record is cut; evidence must come from many of them."""
-LEAST_PIECE = 0.8
-"""Shortest piece [s]."""
-HELD = 4
-"""One in this many moving pieces is held out if there is no second record."""
 MOST = 80
 """Maximum number of windows of a search."""
 STEP = 1e-3
@@ -196,52 +188,6 @@ def _joined(parts: list[Floats]) -> Floats:
     return np.concatenate([np.pad(p, ((0, 0), (0, width - p.shape[1])), "edge") for p in parts])
 
 
-@dataclass(frozen=True)
-class Piece:
-    """A stretch of a record without a gap.
-
-    Attributes:
-        log: Index of the record.
-        start: First sample.
-        stop: Sample after the last.
-    """
-
-    log: int
-    start: int
-    stop: int
-
-
-def cut(logs: Sequence[Log]) -> list[Piece]:
-    """Return the pieces of records: about `PIECES` in each, none across a gap."""
-    found = []
-    for number, log in enumerate(logs):
-        length = max(len(log) / PIECES, LEAST_PIECE / log.dt, 4 * SHORTEST)
-        edges = np.flatnonzero(np.diff(np.r_[False, log.whole, False].astype(int)))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            count = max(int((stop - start) / length), 1)
-            cuts = np.linspace(start, stop, count + 1).astype(int)
-            found += [Piece(number, a, b) for a, b in pairwise(cuts.tolist())]
-    return [p for p in found if p.stop - p.start >= 2 * SHORTEST]
-
-
-def split(logs: Sequence[Log], pieces: Sequence[Piece]) -> tuple[list[Piece], list[Piece]]:
-    """Return pieces to fit and pieces to hold out, the latter chosen from those with motion."""
-    moved = [_motion(logs[p.log], p) for p in pieces]
-    moving = [k for k, m in enumerate(moved) if m > 0.05 * max(moved)]
-    held = set(moving[HELD // 2 :: HELD]) if len(moving) >= HELD else set()
-    return (
-        [p for k, p in enumerate(pieces) if k not in held],
-        [p for k, p in enumerate(pieces) if k in held],
-    )
-
-
-def _motion(log: Log, piece: Piece) -> float:
-    """Return a measure of the motion in a piece, from the motor's speed or the torque."""
-    cut = slice(piece.start, piece.stop)
-    x = log.measured["tau"] if "tau" in log.measured and "q_m" not in log.measured else log.speed
-    return float(np.std(x[cut]) + 0.1 * np.abs(np.mean(x[cut])))
-
-
 def make_windows(
     logs: Sequence[Log], pieces: Sequence[Piece], most: int = MOST, *, whole: bool = False
 ) -> Windows:
@@ -258,18 +204,18 @@ def make_windows(
         whole: Whether whole pieces are windows, too, as with a held output.
     """
     groups = []
-    total = max(_size(pieces), 1)
+    total = max(size_of(pieces), 1)
     for number, log in enumerate(logs):
         here = [k for k, p in enumerate(pieces) if p.log == number]
         firsts = np.array([pieces[k].start for k in here])
-        left = _joined_up([pieces[k] for k in here])
+        left = joined_up([pieces[k] for k in here])
         for count in range(len(HORIZONS), 0, -1):
             length = samples(HORIZONS[count - 1], log.dt)
             own = [p for p in left if p.stop - p.start > length]
-            if _size(own) < RARE * _size(left):
+            if size_of(own) < RARE * size_of(left):
                 continue
             left = [p for p in left if p.stop - p.start <= length]
-            share = most * _size(own) / total
+            share = most * size_of(own) / total
             starts, room = _spread(own, length, max(share, 1.0))
             if len(starts):
                 numbers = np.array(here)[np.searchsorted(firsts, starts, side="right") - 1]
@@ -287,29 +233,13 @@ def make_windows(
     return _scaled(tuple(logs), tuple(groups))
 
 
-def _size(pieces: Sequence[Piece]) -> int:
-    """Return how many samples pieces have."""
-    return sum(p.stop - p.start for p in pieces)
-
-
-def _joined_up(pieces: Sequence[Piece]) -> list[Piece]:
-    """Return pieces of one record, in order, with those joined that follow without a gap."""
-    found: list[Piece] = []
-    for p in pieces:
-        if found and found[-1].stop == p.start:
-            found[-1] = replace(found[-1], stop=p.stop)
-        else:
-            found.append(p)
-    return found
-
-
 def _spread(own: Sequence[Piece], length: int, share: float) -> tuple[Integers, Integers]:
     """Return starts of windows, spread evenly, and the samples of their piece before each.
 
-    Each piece is longer than a window. The last windows end where their pieces do: a quick stop
-    there shows an inertia that slow motion does not.
+    Each piece is longer than a window. Where it has several, the last ends where the piece does: a
+    quick stop there shows an inertia that slow motion does not.
     """
-    total = _size(own)
+    total = size_of(own)
     starts: list[int] = []
     before: list[int] = []
     due = 0.0
@@ -318,7 +248,7 @@ def _spread(own: Sequence[Piece], length: int, share: float) -> tuple[Integers, 
         count = int(due)
         due -= count
         room = p.stop - p.start - length
-        places = np.unique(np.linspace(0.0, room, count).astype(int))
+        places = np.unique(np.linspace(0.0 if count > 1 else room / 2, room, count).astype(int))
         starts += (p.start + places).tolist()
         before += places.tolist()
     return np.array(starts, dtype=np.int64), np.array(before, dtype=np.int64)

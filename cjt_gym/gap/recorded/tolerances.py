@@ -7,6 +7,7 @@ import math
 from collections.abc import Collection, Mapping
 
 from cjt_gym.joint import JointFile
+from cjt_gym.joint.effects.friction import DRY
 from cjt_gym.joint.quantity import Quantity
 
 VAGUE = 0.3
@@ -19,8 +20,6 @@ OUTSIDE = 3.0
 LEAST = 0.01
 """Relative deviation that an identified value always has: sensors are no better."""
 SMOOTHING = "dq_0"
-DRY = frozenset({"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"})
-"""Effects that friction among the parameters of a joint file needs to act."""
 
 
 def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
@@ -55,8 +54,8 @@ def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[
     if not symbols:
         return []
     return [
-        f"The joint file states {', '.join(symbols)} but lists no dry friction: simulated as it "
-        "stands, it has none of what is assumed here. Add [effects.coulomb] to it."
+        f"The joint file states {', '.join(symbols)} but lists no dry friction, so that its "
+        "simulation has none, while this diagnosis assumes it. Add [effects.coulomb] to the file."
     ]
 
 

@@ -24,6 +24,8 @@ DQ_0 = EffectParameter(
 )
 COULOMB = "Coulomb level of the {body}"
 BOTH_WAYS = ("d_c*", "d_c*_n")
+DRY = frozenset({"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"})
+"""Effects with a Coulomb level."""
 
 
 def _level(
