@@ -129,7 +129,7 @@ def misplaced(record: Record) -> tuple[str, int] | None:
     shares = _shares(record)
     left = _left_by_currents(record, shares)
     prompt = shares[0] > PROMPT * np.abs(shares[:-1]).sum()
-    if prompt and left["mean"] <= min(left["after"], left["before"]):
+    if (prompt or shares[1] > shares[0]) and left["mean"] <= min(left["after"], left["before"]):
         return None
     return ("i_cmd", 1) if left["after"] < left["before"] else ("i", -1)
 

@@ -120,7 +120,7 @@ def judged(
         return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
     told = retold(first, found, excluded, title_of(records[0]))
     told = _with_elsewhere(told, first, measured=any("i" in one for one in records))
-    told = allowed_by(_with_drag(told, found), excluded)
+    told = allowed_by(_with_drag(_with_late_drive(told, found), found), excluded)
     text = f"{found.contradicted} {told.unexplained.text}".strip()
     told = replace(told, unexplained=replace(told.unexplained, text=text))
     if found.answer == "datasheet" and found.cut and _near(found):
@@ -292,12 +292,16 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
 def _with_late_drive(told: Diagnosis, found: Judgement) -> Diagnosis:
     """Return a diagnosis with the delay or lag of a drive of which more stays unexplained.
 
-    The stages name nothing small there, but the current that was measured follows later.
+    The stages name nothing small there, but the current that was measured follows later. If a log
+    is slower than the drive, they leave open when within a sample it was written, and see less.
     """
-    known = {e.name for e in told.effects}
-    if told.unexplained.stage != "drive" or known & LATE:
+    known, drive = {e.name for e in told.effects}, found.case.drive
+    late = drive is not None and drive.beyond_a_row
+    if not (late or told.unexplained.stage == "drive") or known & LATE:
         return told
-    return replace(told, effects=(*told.effects, *of_drive(found)))
+    verdict = {"no_gap": "explained"}.get(told.verdict, told.verdict)
+    effects = (*told.effects, *of_drive(found))
+    return replace(told, verdict=verdict if late else told.verdict, effects=effects)
 
 
 def _held(first: Diagnosis, found: Judgement) -> Diagnosis:

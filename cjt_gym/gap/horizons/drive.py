@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.pieces import Piece
+from cjt_gym.gap.recorded.series import SLOW
 
 Floats = NDArray[np.float64]
 DELAYS = np.arange(0.0, 8.01, 0.25)
@@ -22,6 +23,8 @@ LAGS = (0.0, 0.3, 0.6, 1.0, 1.5, 2.5, 4.0, 7.0, 12.0)
 """Candidate dead times and time constants, in samples."""
 LEAST = 0.6
 """Shortest reported dead time, in samples."""
+USUAL = 1.5
+"""Longest dead time that a log slower than the drive may owe to its rows, in samples."""
 BETTER = 0.8
 """Largest remaining mean square, as a share of that without dead time or lag."""
 LAGS_BY = 0.8
@@ -56,12 +59,34 @@ class DriveFit:
     @property
     def late(self) -> bool:
         """Whether the delay of the current exceeds the timing uncertainty of a log."""
-        return self._helps and self.delay > LEAST * self.step * 4.0
+        return self._helps and self.delay > LEAST * self.row
+
+    @property
+    def beyond_a_row(self) -> bool:
+        """Whether a log slower than the drive cannot have made all of the delay.
+
+        The instants of its rows leave up to one sample open. A lag of less than a sample is part of
+        the delay.
+        """
+        brief = self.lag < self.row
+        return self._helps and self.row > SLOW and brief and self.lateness > USUAL * self.row
+
+    @property
+    def lateness(self) -> float:
+        """Mean time by which the current is late [s]."""
+        if self.lag == 0.0:
+            return self.delay
+        return self.delay + self.row / (1.0 - float(np.exp(-self.row / self.lag)))
+
+    @property
+    def row(self) -> float:
+        """Sample time of the log [s]."""
+        return 4.0 * self.step
 
     @property
     def lagging(self) -> bool:
         """Whether the current follows with a lag."""
-        return self._helps and self.lag > self.step
+        return self._helps and self.lag > self.step and not self.beyond_a_row
 
     @property
     def _helps(self) -> bool:

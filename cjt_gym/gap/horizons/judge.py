@@ -30,6 +30,7 @@ from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
+from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.rows import candidates, cogging, gravity, likelier, scales_of
 from cjt_gym.gap.horizons.search import LOUDLY, search
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, relative
@@ -140,7 +141,14 @@ def _sufficient(
     whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
     settled = explained and not (own or open_ or short) and worst < NEAR and whole < TRIVIAL
     settled = settled and not has_vague_friction(case.joint)
+    settled = settled and not _misses_wave(case, joints["stages"])
     return "stages" if settled and is_no_worse(case, joints, "stages") else ""
+
+
+def _misses_wave(case: Case, joint: Joint) -> bool:
+    """Return whether the torque repeats with the motor's angle, and that of a joint does not."""
+    known = {"cogging", "gear_ripple"} & joint.effects.keys()
+    return not known and over_angle(case.joint, case.logs) is not None
 
 
 def _proposed(

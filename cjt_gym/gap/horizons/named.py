@@ -331,7 +331,11 @@ def of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
         return ()
     removed = 1.0 - (drive.after / max(drive.before, 1e-12)) ** 2
     found = []
-    if drive.late:
+    if drive.beyond_a_row:
+        low, high = drive.lateness - drive.row, drive.lateness
+        delay = Interval(0.5 * (low + high), low - drive.step, high + drive.step, "s")
+        found.append(("command_delay", {"delay": delay}))
+    elif drive.late:
         low, high = drive.delay - drive.step, drive.delay + drive.step
         delay = Interval(drive.delay, max(low, 0.0), high, "s")
         found.append(("command_delay", {"delay": delay}))

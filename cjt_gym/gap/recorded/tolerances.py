@@ -60,7 +60,13 @@ def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:
-    """Return whether an effect is no more than values that a datasheet leaves open."""
+    """Return whether an effect is no more than values that a datasheet leaves open.
+
+    Dry friction that a joint file states but does not list is no such value: its simulation has
+    none.
+    """
+    if effect in DRY and not DRY & file.effects.keys():
+        return False
     if effect == "gravity" and effect in file.effects:
         return _is_listed_weight(file.effects[effect], values)
     levels = {symbol: value for symbol, value in values.items() if symbol != SMOOTHING}
