@@ -40,6 +40,9 @@ UNKNOWN = 1e-3
 """Least share of a current's deviation that its past leaves for that to be judged."""
 PROMPT = 0.5
 """Share of the command of its row in a current that answers at once."""
+BETWEEN = -0.05
+"""Share of a command below which a current follows one between two rows, of a loop that is faster
+than its log, which is interpolated: the shares of a lag fall and stay positive."""
 EARLIER = 3
 """Number of past commands."""
 SHIFTS = np.arange(-12.0, 24.01, 0.5)
@@ -127,9 +130,11 @@ def misplaced(record: Record) -> tuple[str, int] | None:
     if not {"q_m", "dq_m"} & set(record.columns):
         return "i_cmd", 1
     shares = _shares(record)
+    if shares[1] > shares[0] or min(shares[:-1]) < BETWEEN:
+        return None
     left = _left_by_currents(record, shares)
     prompt = shares[0] > PROMPT * np.abs(shares[:-1]).sum()
-    if (prompt or shares[1] > shares[0]) and left["mean"] <= min(left["after"], left["before"]):
+    if prompt and left["mean"] <= min(left["after"], left["before"]):
         return None
     return ("i_cmd", 1) if left["after"] < left["before"] else ("i", -1)
 

@@ -44,6 +44,22 @@ def test_a_dead_time_is_that_beyond_a_log_s_own_row() -> None:
     assert delay.value == pytest.approx(4.0 * DT, abs=0.25 * DT)
 
 
+def test_a_log_slower_than_the_drive_shows_a_dead_time_beyond_a_row() -> None:
+    """Up to one row of it may be when the rows were written."""
+    dead, every = 8, 5
+    made = record(late=dead * 1e-3, dt=1e-3)
+    i = np.concatenate([np.zeros(dead), made["i"][:-dead]])
+    i += 0.005 * np.random.default_rng(0).standard_normal(len(i))
+    columns = {"t": made.t, "q_m": made["q_m"], "i_cmd": made["i"], "i": i}
+    units = {"t": "s", "q_m": "rad", "i_cmd": "A", "i": "A"}
+    slow = Record({name: x[::every] for name, x in columns.items()}, units)
+    found = diagnose(slow, datasheet(1.0, 0.05), "rigid")
+    late = [e for e in found.effects if e.name in LATE]
+    assert [(e.name, e.status) for e in late] == [("command_delay", "tentative")]
+    delay = late[0].parameters["delay"]
+    assert delay.low <= dead * 1e-3 <= delay.high < 0.012
+
+
 def test_a_current_that_follows_at_once_means_no_late_drive() -> None:
     """Its noise is not specified; current and angle of a row may be half a row apart."""
     made, clean = record(noise=6e-4, dt=1e-3), record(dt=1e-3)

@@ -105,6 +105,15 @@ def test_a_weight_is_as_listed_within_its_tolerance(
     assert is_left_open(file, "gravity", {"torque": torque, "angle": angle}) == open_
 
 
+def test_friction_as_stated_but_not_listed_is_a_cause(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    text = ARM.format(dry=DRY, more="")
+    path.write_text(text[: text.index("[effects")])
+    found = diagnose(moved(0.0), load_joint_file(path), "rigid")
+    assert [(e.name, e.status) for e in found.effects] == [("coulomb", "confirmed")]
+    assert found.effects[0].parameters["d_cm"].value == pytest.approx(DRY, rel=0.05)
+
+
 @pytest.mark.parametrize("listed", [False, True])
 def test_friction_that_a_file_states_and_does_not_list_is_told(
     tmp_path: Path, listed: bool
