@@ -269,7 +269,10 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
         if e.name in MEASURES or (measured and e.stage == "drive")
     }  # fmt: skip
     unmoved = all(e.name in aside for e in first.effects) and main.found < NEAR
-    if not first.effects or ((sound or unmoved) and not predictable):
+    unsure = all(e.name in aside or e.status == "tentative" for e in first.effects)
+    mostly = gap.after > max(HALF * gap.before, FLOORS * gap.floor)
+    mostly = mostly and unsure and not unmoved and main.found > HALF * main.datasheet
+    if not first.effects or ((sound or unmoved) and not (predictable or mostly)):
         return first
     kept = sound and main.found < GONE * main.datasheet
     effects = tuple(e if kept or e.name in aside else e.doubted(MUCH_LEFT) for e in first.effects)
@@ -282,6 +285,8 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
         said = f"{said[:-1]}: they do not make predictions better."
     elif predictable:
         said = unexplained_of(found, "partly_explained", predictable).text
+    elif mostly:
+        said = f"Most of the gap is left: {gap.after / gap.before:.0%} of it in a replay."
     elif adrift:
         said = "Further ahead the joint given predicts no better than going on at the same speed."
     text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()

@@ -79,11 +79,15 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
 
 
 def sound_stages(case: Case, joints: dict[str, Joint]) -> str:
-    """Return "stages" unless the datasheet predicts a cut joint clearly better."""
-    kinds = [("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)]
-    own, other = (relative(case.test, case.test.errors(joints[n])) for n in ("stages", "datasheet"))
-    worse = any(own[k] > MISS * max(other[k], TRIVIAL) for k in kinds if k in own)
-    return "datasheet" if worse else "stages"
+    """Return "stages" unless datasheet or least squares predict a cut joint clearly better."""
+    errors = {name: relative(case.test, case.test.errors(joint)) for name, joint in joints.items()}
+    kinds = [k for k in (("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)) if k in errors["stages"]]
+    known = {name: [max(one[k], TRIVIAL) for k in kinds] for name, one in errors.items()}
+    own, others = known.pop("stages"), min(known, key=lambda name: float(np.prod(known[name])))
+    beaten = any(
+        x > MISS * y for one in known.values() for x, y in zip(own, one, strict=True)
+    )
+    return others if beaten else "stages"
 
 
 def fails(case: Case, enough: float, errors: dict[Key, float]) -> bool:

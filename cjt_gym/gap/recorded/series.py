@@ -21,7 +21,7 @@ from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
-SHORTEST = 200
+SHORTEST = 100
 """Minimum number of samples for a diagnosis."""
 ENOUGH, MOST = 500, 8
 """Number of samples of a stretch that is worth having, and of such stretches of one log."""
