@@ -73,7 +73,8 @@ def retold(
         seen = {}
     if loud:  # little predicts the motion: the torque is the better evidence, or the only one
         blind = main_row(judged).found > BLIND
-        effects = tuple(e for e in effects if not (blind or covered(e.name, seen)))
+        tells = {e.name: seen[e.name] for e in told_by_torque(judged, seen, (), alone=True)}
+        effects = tuple(e for e in effects if not (blind or covered(e.name, tells)))
     if not (regressed or loud):
         seen = _beside(judged, seen)
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
