@@ -75,7 +75,7 @@ def agrees(one: Spent | None, values: Sequence[float]) -> bool:
     return math.dist(one.values[-2:], values[-2:]) < AGREES * one.size  # of cogging no frequency
 
 
-def covered(name: str, seen: Mapping[str, Spent]) -> bool:
+def _covered(name: str, seen: Mapping[str, Spent]) -> bool:
     """Return whether a regression of the torque shows an effect or an equivalent one."""
     return any(name in {one, *SAME[one]} for one in seen)
 
@@ -108,6 +108,14 @@ def told_by_torque(
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def beside_torque(
+    judged: Judgement, seen: Mapping[str, Spent], named: Sequence[NamedEffect]
+) -> tuple[NamedEffect, ...]:
+    """Return the named effects of which the torque tells neither them nor an equivalent."""
+    tells = {e.name: seen[e.name] for e in told_by_torque(judged, seen, (), alone=True)}
+    return tuple(e for e in named if not _covered(e.name, tells))
 
 
 def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:

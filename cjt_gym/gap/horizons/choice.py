@@ -84,9 +84,7 @@ def sound_stages(case: Case, joints: dict[str, Joint]) -> str:
     kinds = [k for k in (("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)) if k in errors["stages"]]
     known = {name: [max(one[k], TRIVIAL) for k in kinds] for name, one in errors.items()}
     own, others = known.pop("stages"), min(known, key=lambda name: float(np.prod(known[name])))
-    beaten = any(
-        x > MISS * y for one in known.values() for x, y in zip(own, one, strict=True)
-    )
+    beaten = any(x > MISS * y for one in known.values() for x, y in zip(own, one, strict=True))
     return others if beaten else "stages"
 
 

@@ -27,10 +27,10 @@ from cjt_gym.gap.horizons.instants import lateness
 from cjt_gym.gap.horizons.inverse import ONE_WAY, is_inertia_alone_off, seen_in_torque
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row, is_left
 from cjt_gym.gap.horizons.model import Model, Term
+from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
-from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.rows import candidates, cogging, gravity, likelier, scales_of
 from cjt_gym.gap.horizons.search import LOUDLY, search
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, relative

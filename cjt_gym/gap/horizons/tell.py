@@ -9,7 +9,7 @@ from dataclasses import replace
 from cjt_gym.gap.candidates.separated import advice
 from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, StageGap, Suggestion
 from cjt_gym.gap.horizons.allowed import with_rivals
-from cjt_gym.gap.horizons.by_torque import HELD, agrees, covered, told_by_torque
+from cjt_gym.gap.horizons.by_torque import HELD, agrees, beside_torque, told_by_torque
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
@@ -73,8 +73,7 @@ def retold(
         seen = {}
     if loud:  # little predicts the motion: the torque is the better evidence, or the only one
         blind = main_row(judged).found > BLIND
-        tells = {e.name: seen[e.name] for e in told_by_torque(judged, seen, (), alone=True)}
-        effects = tuple(e for e in effects if not (blind or covered(e.name, tells)))
+        effects = () if blind else beside_torque(judged, seen, effects)
     if not (regressed or loud):
         seen = _beside(judged, seen)
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)

@@ -17,7 +17,7 @@ from cjt_gym.gap.horizons.allowed import allowed_by
 from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
-from cjt_gym.gap.horizons.choice import _loses
+from cjt_gym.gap.horizons.choice import _loses, sound_stages
 from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
@@ -38,8 +38,9 @@ from cjt_gym.gap.horizons.worth import Worth
 from cjt_gym.gap.horizons.write import _torn
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.joint import get_structure
+from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import DAMPING, INERTIA, datasheet, record
+from tests.gap.horizons.rotor import DAMPING, DRY, INERTIA, datasheet, record
 
 RIGID = get_structure("rigid")
 CLEAR = Worth(fall=100.0, clear=20.0, rest=90.0, price=3.0)
@@ -262,6 +263,16 @@ def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Ca
     assert not _loses(held, NEAR, [short, own], [short, near])
     assert not _loses(held, 2.0 * NEAR, [short, own], [short, other]), "which is little enough"
     assert not _loses(held, NEAR, [own, short], [other, short]), "pieces of a tenth may drift"
+
+
+def test_stages_give_way_to_a_regression_that_predicts_clearly_better(case: Case) -> None:
+    """The datasheet of this rotor states twice its inertia and no friction."""
+    dry = {"d_cm": DRY, "d_cg": 0.0, "d_cl": 0.0, "dq_0": 0.0}
+    right = Joint(datasheet(1.0), "rigid", "current", {"coulomb": dry})
+    joints = {"datasheet": case.joint, "least squares": right, "stages": case.joint}
+    assert sound_stages(case, joints) == "least squares"
+    assert sound_stages(case, joints | {"stages": right}) == "stages"
+    assert sound_stages(case, {"datasheet": right, "stages": case.joint}) == "datasheet"
 
 
 @pytest.mark.parametrize(("further", "open_"), [(0.02, False), (0.05, True)])

@@ -342,3 +342,19 @@ def test_stages_do_not_explain_where_most_of_an_error_is_predictable(
     assert ended.verdict == ("explained" if explained else "partly_explained")
     assert {effect.status for effect in ended.effects} == {"confirmed" if firm else "tentative"}
     assert ("could be predicted" in ended.unexplained.text) != explained
+
+
+@pytest.mark.parametrize(("status", "after", "explained"), [
+    ("tentative", 0.8, False), ("confirmed", 0.8, True), ("tentative", 0.3, True),
+])  # fmt: skip
+def test_what_tentative_names_hardly_explain_is_not_explained(
+    status: str, after: float, explained: bool, plain: tuple[Case, Found], told: Diagnosis
+) -> None:
+    rows = (Row(0.5, "q_m", 0.2, None, 0.15, 0.12, Predictable(0.1, 0.3)),)
+    found = Judgement(plain[0], "stages", plain[0].joint, rows)
+    gap = replace(told.gap, before=1.0, after=after, floor=0.05)
+    effects = tuple(replace(effect, status=status) for effect in told.effects)
+    first = replace(told, verdict="explained", effects=effects, gap=gap)
+    ended = _doubted(first, found)
+    assert ended.verdict == ("explained" if explained else "partly_explained")
+    assert ("80% of it" in ended.unexplained.text) != explained

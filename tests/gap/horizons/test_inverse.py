@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.bristles import bent, ways
-from cjt_gym.gap.horizons.by_torque import told_by_torque
+from cjt_gym.gap.horizons.by_torque import beside_torque, told_by_torque
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.inverse import (
     DRAGS,
@@ -23,6 +23,7 @@ from cjt_gym.gap.horizons.inverse import (
     seen_in_torque,
     spent,
 )
+from cjt_gym.gap.horizons.judge import _misses_wave
 from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
@@ -180,6 +181,9 @@ def test_negative_friction_is_none_nor_is_what_stands_beside_it(arm: JointFile) 
         against = seen | {name: replace(seen[name], values=(-1.0,))}
         told = told_by_torque(judged, against, (), alone=True)
         assert {e.name for e in told} == {"gravity"}
+        fitted = [replace(told[0], name=name), told[0]]
+        assert beside_torque(judged, against, fitted) == (fitted[0],), "a fit tells it instead"
+        assert not beside_torque(judged, seen, fitted)
 
 
 def test_a_weight_counts_that_shows_in_few_postures() -> None:
@@ -235,6 +239,16 @@ def test_cogging_is_read_off_the_torque_over_the_angle(arm: JointFile, seed: int
     assert "cogging" not in seen_in_torque(case.joint, case.logs, ["cogging"])
     plain = make_case([held_record(seed)], [], arm, get_structure("rigid"))
     assert "cogging" not in seen_in_torque(plain.joint, plain.logs)
+
+
+def test_a_joint_without_the_wave_that_the_torque_shows_needs_a_search(arm: JointFile) -> None:
+    cogged, plain = (
+        make_case([held_record(0, cogging=x)], [], arm, get_structure("rigid")) for x in (1.5, 0.0)
+    )
+    wave = {"cogging": {"f": 60.0, "a": 0.0, "b": 1.5}}
+    assert _misses_wave(cogged, cogged.joint)
+    assert not _misses_wave(cogged, Joint(arm, "rigid", "current", wave))
+    assert not _misses_wave(plain, plain.joint)
 
 
 def ramps(cogging: float) -> Record:
