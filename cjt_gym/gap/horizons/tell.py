@@ -24,7 +24,14 @@ from cjt_gym.gap.horizons.refined import (
 )
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spent import Spent
-from cjt_gym.gap.horizons.verdict import gap_of, main_row, stages_of, unexplained_of, verdict_of
+from cjt_gym.gap.horizons.verdict import (
+    gap_of,
+    main_row,
+    of_answer,
+    stages_of,
+    unexplained_of,
+    verdict_of,
+)
 from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.write import joint_of
 from cjt_gym.gap.recorded.tolerances import OUTSIDE
@@ -98,7 +105,9 @@ def retold(
     elif said := corrected(judged) if effects else refined(judged):
         unexplained = replace(unexplained, text=f"{said} {unexplained.text}".strip())
     if outside:
-        verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
+        verdict = "partly_explained" if effects else "unexplained"
+        text = f"{of_answer(judged)} {first.unexplained.text}".strip()
+        unexplained = replace(first.unexplained, text=text)
     else:
         beside = first.unexplained.missing if staged else (first.unexplained.text,)
         text = " ".join((moving_together(judged, effects), unexplained.text, *beside)).strip()

@@ -193,10 +193,10 @@ def _ahead(row: Row) -> str:
 def _said(judged: Judgement) -> str:
     """Return sentences on where predictions start, and on an answer without named effects."""
     sloped = any(log.from_slope for log in judged.case.logs)
-    return f"{SLOPED if sloped else ''} {_of_answer(judged)}".strip()
+    return f"{SLOPED if sloped else ''} {of_answer(judged)}".strip()
 
 
-def _of_answer(judged: Judgement) -> str:
+def of_answer(judged: Judgement) -> str:
     """Return a sentence on the answer if it is not a joint with named effects."""
     if judged.answer == LEAST:
         *most, last = (_regressed(judged.joint, *one) for one in REGRESSED)
