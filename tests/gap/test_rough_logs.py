@@ -122,11 +122,11 @@ def test_a_motor_stays_warm_over_a_gap() -> None:
 
 def test_a_channel_with_too_few_samples_is_told_as_such() -> None:
     whole = record()
-    current = np.where(np.arange(len(whole)) < 87, whole["i"], np.nan)
+    current = np.where(np.arange(len(whole)) < 43, whole["i"], np.nan)
     columns = {"t": whole.t, "q_m": whole["q_m"], "i": current}
     few = Record(columns, whole.units, structure="rigid", allow_nan=True)
     with pytest.raises(
-        RecordError, match=r"Columns with values: t, q_m, i \(87 samples, too few\)"
+        RecordError, match=r"Columns with values: t, q_m, i \(43 samples, too few\)"
     ):
         diagnose(few, datasheet())
 
