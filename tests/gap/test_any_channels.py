@@ -55,6 +55,7 @@ def check(shape: str, channels: tuple[str, ...], dt: float) -> None:
     assert np.isfinite(errors).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "channels", "dt"), USUAL)
 def test_no_cause_is_confirmed(shape: str, channels: tuple[str, ...], dt: float) -> None:
     check(shape, channels, dt)

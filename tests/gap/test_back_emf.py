@@ -46,6 +46,7 @@ def sheet(tolerance: float) -> JointFile:
     return JointFile(bare.replace(**stated), structure="rigid", drive="static")
 
 
+@pytest.mark.slow
 def test_damping_is_told_only_beyond_the_tolerance_of_the_back_emf() -> None:
     """Tolerances of 5 % allow 8e-5 N m s/rad more or less, those of 0.2 % a 25th of that."""
     made = motor()

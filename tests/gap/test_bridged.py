@@ -49,6 +49,7 @@ def test_no_gap_is_filled_that_is_long_or_in_which_much_happens(kind: str, lost:
     assert said == ()
 
 
+@pytest.mark.slow
 def test_a_log_of_short_stretches_is_judged_over_half_a_second_and_explained() -> None:
     _, log = broken()
     assert {"damping", "coulomb"} <= set(examine(log, joint(), RIGID).can_tell)

@@ -119,6 +119,7 @@ def test_a_record_under_control_is_replayed_and_compared_in_the_loop(
         assert text in page
 
 
+@pytest.mark.slow
 def test_a_known_controller_is_enough_for_a_replay_in_the_loop(
     tracked: Path, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

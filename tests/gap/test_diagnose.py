@@ -159,6 +159,7 @@ def test_a_delay_that_the_other_record_has_not_is_not_the_joints() -> None:
     assert names(found) == []
 
 
+@pytest.mark.slow
 def test_an_effect_outside_the_table_gets_no_confirmed_name() -> None:
     found = diagnose(simulate(extra=lambda t, q, v: 2.0 * np.sin(2 * np.pi * 23.0 * t)), nominal())
     assert found.verdict in ("unexplained", "partly_explained")

@@ -68,6 +68,7 @@ def test_a_measured_torque_may_move_the_joint() -> None:
     assert driven_only([given], RIGID) == ((given,), ())
 
 
+@pytest.mark.slow
 def test_friction_is_that_of_the_motor_s_own_motion() -> None:
     found = diagnose(bench_record(), datasheet(1.0), "rigid")
     assert "something else drives it" in found.unexplained.text

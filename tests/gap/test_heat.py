@@ -51,6 +51,7 @@ def sheet() -> JointFile:
     return JointFile(bare.replace(**stated), effects={"coulomb": {}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", [0.0, 0.15])
 def test_a_loss_of_a_seventh_over_a_minute_is_named(lost: float) -> None:
     found = diagnose(record(lost), sheet())

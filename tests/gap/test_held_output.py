@@ -61,6 +61,7 @@ def slow_record(dt: float = 2e-3, seconds: float = 16.0) -> Record:
     return held({"t": t, "i_cmd": amps, "tau": tau})
 
 
+@pytest.mark.slow
 def test_a_slow_drive_is_not_called_damping_for_sure() -> None:
     """By the command alone a lag and an overdamped spring answer alike."""
     found = diagnose(slow_record(), sheet(), HELD)

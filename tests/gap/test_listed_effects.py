@@ -116,6 +116,7 @@ def test_a_joint_as_listed_has_no_gap(
     assert (found.verdict, found.effects) == ("no_gap", ())
 
 
+@pytest.mark.slow
 def test_what_is_missing_beside_it_is_found(tmp_path: Path) -> None:
     known, missing = listing("gravity", VALUES["gravity"]), listing("load_coulomb", {"d_cl": 2.0})
     true, sheet = joint_of(tmp_path, known + missing), joint_of(tmp_path, known)
@@ -157,6 +158,7 @@ def test_rows_that_replace_values_become_these_values(tmp_path: Path) -> None:
     assert known["k_t"].tolerance == 0.03  # as the datasheet's
 
 
+@pytest.mark.slow
 def test_what_the_stages_cannot_hold_is_left_to_predictions(tmp_path: Path) -> None:
     waves = {"f": "[20, 40]", "a": "[1.0, 0.5]", "b": "[0.0, 0.5]"}
     units = {"f": "1/rev", "a": "N m", "b": "N m"}

@@ -70,6 +70,7 @@ def test_without_position_the_torque_constant_is_judged_and_its_rival_said() -> 
     assert "neither the spring" in found.unexplained.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rise", "names", "status"),
     [
@@ -152,6 +153,7 @@ def test_friction_that_is_smooth_near_rest_shows_its_width() -> None:
     assert found.effects[0].parameters["dq_0"].value == pytest.approx(0.05, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("heavier", "verdict"), [(1.6, "unexplained"), (1.0, "no_gap")])
 def test_a_replay_far_off_is_a_gap_though_nothing_shows_the_load(
     heavier: float, verdict: str
@@ -173,6 +175,7 @@ def test_a_replay_far_off_is_a_gap_though_nothing_shows_the_load(
     assert ("q_l" in found.suggestion.text) == (verdict == "unexplained")
 
 
+@pytest.mark.slow
 def test_a_wave_whose_frequency_stays_open_is_not_confirmed() -> None:
     found = diagnose([log(columns(seconds=4.0))], mass(d_m=DAMPING), structure="rigid")
     wave = replace(found.effects[0], name="cogging", status="confirmed", doubt="")

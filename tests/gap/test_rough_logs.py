@@ -258,6 +258,7 @@ def test_all_records_of_a_joint_are_driven_by_the_same_channel() -> None:
     assert [log.drive for log in both] == ["i", "i"]
 
 
+@pytest.mark.slow
 def test_a_record_driven_by_a_voltage_is_diagnosed() -> None:
     whole = record(seconds=8.0)
     sheet = datasheet(1.0)

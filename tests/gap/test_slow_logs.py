@@ -65,6 +65,7 @@ def test_damping_is_no_torque_constant_inertia_or_dead_time() -> None:
     assert value.low < damping < value.high
 
 
+@pytest.mark.slow
 def test_the_back_emf_tells_the_torque_constant() -> None:
     """The damping that the datasheet states is small beside that of the back EMF."""
     k_t = 0.85 * K_T

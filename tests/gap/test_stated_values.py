@@ -23,6 +23,7 @@ d_cm = { value = 2.5, unit = "N m", source = "no-load current", tolerance = 0.2 
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.9, 2.0])
 def test_the_effect_that_frees_a_value_far_off_explains_it(tmp_path: Path, factor: float) -> None:
     sheet = joint_of(tmp_path)
@@ -45,6 +46,7 @@ def sticking(folder: Path, level: float, structure: str = STRUCTURE) -> Diagnosi
     return diagnose(record_of(true), sheet.file, structure)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", [STRUCTURE, "rigid"])
 def test_friction_within_its_tolerance_is_refined(tmp_path: Path, structure: str) -> None:
     found = sticking(tmp_path, 2.8, structure)
@@ -93,6 +95,7 @@ def staged(true: Joint, sheet: JointFile) -> Staged:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", [STRUCTURE, "rigid"])
 def test_friction_beyond_its_tolerance_is_named(tmp_path: Path, structure: str) -> None:
     found = sticking(tmp_path, 5.0, structure)

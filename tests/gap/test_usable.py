@@ -98,6 +98,7 @@ def test_a_regression_that_halves_the_error_leaves_a_gap_without_a_name(
     assert re.search(r"inertia \(0\.0\d+ kg m\^2\), .* and offset \(.* N m\)", said)
 
 
+@pytest.mark.slow
 def test_a_log_of_which_little_was_used_says_so() -> None:
     made = record()
     kept = (made.t < 1.5) | ((1000.0 * made.t).astype(int) % 400 < 300)

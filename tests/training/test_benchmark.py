@@ -28,6 +28,7 @@ KEYS = {
 JOINT = "orange_80_6000"
 
 
+@pytest.mark.slow
 def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> None:
     agents = make_agents(["open_loop"], [finished.path])
     conditions = realistic_conditions(JOINT)

@@ -11,6 +11,7 @@ import pytest
 from cjt_gym.training.demo.__main__ import main
 
 
+@pytest.mark.slow
 def test_the_demonstration_writes_a_page_that_stands_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

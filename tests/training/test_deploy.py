@@ -213,6 +213,7 @@ def test_export_is_compared_on_recorded_signals(
     assert "lacks" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_exported_policy_is_an_agent_like_its_run(
     finished: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

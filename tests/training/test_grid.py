@@ -198,6 +198,7 @@ def test_workers_do_the_same_as_one_process(
     assert run_grid(CELLS[::2], tmp_path, 2, backend) == ran[1][::2]
 
 
+@pytest.mark.slow
 def test_the_command_writes_rows_ranking_and_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

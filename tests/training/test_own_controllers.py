@@ -168,6 +168,7 @@ def test_a_file_without_a_name_is_told_what_is_in_it(law: str) -> None:
         made(law)
 
 
+@pytest.mark.slow
 def test_commands_take_it(law: str, capsys: pytest.CaptureFixture[str]) -> None:
     word = f"{law}:Mine"
     run = [

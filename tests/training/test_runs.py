@@ -42,6 +42,7 @@ def test_nothing_to_list_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["runs", str(tmp_path / "gone")]) == 2
 
 
+@pytest.mark.slow
 def test_page_of_a_run_has_its_curve_its_figures_and_its_origin(finished: RunFolder) -> None:
     text = write_run_page(finished, episodes=2).read_text(encoding="utf-8")
     assert text.count("<svg") == 2
@@ -49,6 +50,7 @@ def test_page_of_a_run_has_its_curve_its_figures_and_its_origin(finished: RunFol
         assert word in text
 
 
+@pytest.mark.slow
 def test_a_page_compares_policy_and_base_on_the_same_episodes(
     tiny: TrainConfig, tmp_path: Path
 ) -> None:

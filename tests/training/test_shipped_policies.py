@@ -55,6 +55,7 @@ def test_command_lists_them_and_shows_a_card(capsys: pytest.CaptureFixture[str])
     assert f"Did you mean '{name}'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_benchmark_takes_a_policy_by_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

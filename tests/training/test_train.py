@@ -132,6 +132,7 @@ def test_a_training_takes_the_steps_asked_for_or_says_how_many_instead(
     assert f"{taken} steps instead of {asked}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_from_its_last_checkpoint(tiny: TrainConfig, tmp_path: Path) -> None:
     config = replace(tiny, total_steps=400_000)
     (tmp_path / "long.toml").write_text(to_toml(config.to_dict()), encoding="utf-8")

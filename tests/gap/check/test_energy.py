@@ -45,6 +45,7 @@ def test_a_motor_gives_all_that_its_joint_gains(weight: float) -> None:
     assert foreign(View.of([servo(0.0, weight)], None, None)) == []
 
 
+@pytest.mark.slow
 def test_a_hand_gives_more() -> None:
     record = servo(0.8)
     (said,) = foreign(View.of([record], None, None))

@@ -369,6 +369,7 @@ def test_a_joint_at_rest_is_refused_unless_its_drive_has_a_gap() -> None:
             assert found.joint.parameters.I_m == pytest.approx(INERTIA)
 
 
+@pytest.mark.slow
 def test_a_delay_before_a_measured_current_is_confirmed_by_the_drive_alone() -> None:
     made = record(12.0, dry=0.0)
     file = datasheet(1.0, tolerance=0.1)

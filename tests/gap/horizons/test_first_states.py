@@ -52,6 +52,7 @@ def test_the_noise_of_a_coarse_angle_is_filtered() -> None:
     assert np.array_equal(case.logs[0].first, sharper.logs[0].first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [1e-5, 1e-3])
 def test_the_true_joint_is_the_answer_however_its_angle_was_measured(noise: float) -> None:
     case = make_case([record(noise)], [], nominal(), HELD)
@@ -74,6 +75,7 @@ def test_a_slow_log_starts_from_what_the_joint_says_between_its_rows() -> None:
     assert after < 0.01
 
 
+@pytest.mark.slow
 def test_a_slow_log_without_an_angle_is_judged() -> None:
     full = record(0.0)
     tau = dry_joint().parameters.k_b * full["q_m"]

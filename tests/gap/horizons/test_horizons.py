@@ -92,6 +92,7 @@ def test_what_was_found_beats_datasheet_and_least_squares(plain: tuple[Case, Fou
     assert mine["q_m", 0.5] < 0.1
 
 
+@pytest.mark.slow
 def test_friction_that_differs_backward_in_level_and_slope_is_found() -> None:
     steep, low = 0.15, 0.04
     case = late(make_case([record(back=(steep, low))], [], datasheet(), RIGID), 0.5)
@@ -157,6 +158,7 @@ def test_a_joint_that_is_pushed_without_current_tells_its_friction() -> None:
     assert not [name for name in known.names if name.startswith("torque_constant")]
 
 
+@pytest.mark.slow
 def test_effects_of_a_joint_that_is_given_are_a_part_of_what_is_known() -> None:
     dry = {"coulomb": {"d_cm": DRY, "d_cg": 0.0, "d_cl": 0.0, "dq_0": 0.0}}
     known = Joint(datasheet(1.0), "rigid", "current", dry)
@@ -240,6 +242,7 @@ def test_it_names_the_friction_and_not_the_guess(told: Diagnosis) -> None:
     assert found == pytest.approx(INERTIA, rel=0.3)
 
 
+@pytest.mark.slow
 def test_a_guess_that_is_far_off_is_corrected_and_not_named() -> None:
     found = diagnose(record(), datasheet(12.0), "rigid")
     assert {effect.name for effect in found.effects} == {"coulomb", "damping"}

@@ -60,6 +60,7 @@ def total(found: Diagnosis) -> float:
     return motor.number + load.number
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", [0.0, 0.15])
 def test_it_is_found_and_no_torque_constant(weight: float) -> None:
     found = diagnose(moved(weight, 0.02), sheet(weight))

@@ -118,6 +118,7 @@ def test_a_damping_too_small_to_be_seen_does_not_make_friction_larger(arm: Joint
     assert abs(beside) < 0.5 * taken
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("exponent", "law"), [(1.0, ""), (2.0, "faster"), (0.5, "more slowly")])
 def test_the_law_of_the_drag_is_told(exponent: float, law: str) -> None:
     t = 2e-3 * np.arange(6000)
@@ -295,6 +296,7 @@ def test_cogging_that_a_controller_hides_is_named(arm: JointFile) -> None:
     assert "coulomb" in effects
 
 
+@pytest.mark.slow
 def test_a_search_takes_cogging_that_the_torque_shows() -> None:
     """Where the motor moves freely, its own kernel predicts it better with the wave."""
     waves = {"f": (7.0,), "a": (0.0,), "b": (0.1,), "scale": 1.0}
@@ -371,6 +373,7 @@ def test_the_weight_of_a_pendulum_without_a_motor_is_named() -> None:
     assert weight.parameters["torque"].value == pytest.approx(0.4, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_weight_at_small_travel_may_be_a_spring() -> None:
     t = DT * np.arange(6000)
     u = 0.3 * np.sin(2.0 * np.pi * 0.5 * t) + 0.2 * np.sin(2.0 * np.pi * 1.1 * t)
@@ -423,6 +426,7 @@ def test_friction_over_a_path_is_told_from_damping_by_the_torque(
         assert set(told.parameters) == {"d_cm", "sigma_m"}
 
 
+@pytest.mark.slow
 def test_motion_in_one_direction_shows_friction_that_an_offset_may_be(arm: JointFile) -> None:
     rng = np.random.default_rng(7)
     t = DT * np.arange(4000)
@@ -439,6 +443,7 @@ def test_motion_in_one_direction_shows_friction_that_an_offset_may_be(arm: Joint
     assert "torque_offset" in told.confusable_with
 
 
+@pytest.mark.slow
 def test_friction_of_one_speed_is_told_as_either_law(arm: JointFile) -> None:
     rng = np.random.default_rng(9)
     t = DT * np.arange(4000)

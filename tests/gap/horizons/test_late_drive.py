@@ -15,6 +15,7 @@ from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DAMPING, DRY, DT, datasheet, record
 
 
+@pytest.mark.slow
 def test_friction_and_a_late_drive_are_told_and_what_the_lateness_may_be() -> None:
     made = record(late=2.5 * DT)
     columns = {"t": made.t, "q_m": made["q_m"], "i_cmd": made["i"]}
@@ -30,6 +31,7 @@ def test_friction_and_a_late_drive_are_told_and_what_the_lateness_may_be() -> No
     assert set(late.confusable_with) >= LATE - {late.name}
 
 
+@pytest.mark.slow
 def test_a_dead_time_is_that_beyond_a_log_s_own_row() -> None:
     """A row holds a command and the current measured before it acted, a row late without any."""
     made = record(late=4.0 * DT)
@@ -60,6 +62,7 @@ def test_a_log_slower_than_the_drive_shows_a_dead_time_beyond_a_row() -> None:
     assert delay.low <= dead * 1e-3 <= delay.high < 0.012
 
 
+@pytest.mark.slow
 def test_a_current_that_follows_at_once_means_no_late_drive() -> None:
     """Its noise is not specified; current and angle of a row may be half a row apart."""
     made, clean = record(noise=6e-4, dt=1e-3), record(dt=1e-3)

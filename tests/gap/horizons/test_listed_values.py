@@ -66,6 +66,7 @@ def diagnosed(folder: Path, record: Record, dry: float = DRY, more: str = "") ->
     return diagnose(record, load_joint_file(path), "rigid")
 
 
+@pytest.mark.slow
 def test_a_payload_is_told_as_the_weight(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, moved(WEIGHT), more=LISTED)
     (told,) = found.effects
@@ -75,11 +76,13 @@ def test_a_payload_is_told_as_the_weight(tmp_path: Path) -> None:
     assert found.joint.effects["gravity"]["torque"].number == pytest.approx(WEIGHT, rel=0.03)  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_the_weight_that_is_listed_is_no_cause(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, moved(9.0), more=LISTED)
     assert (found.verdict, found.effects) == ("no_gap", ())
 
 
+@pytest.mark.slow
 def test_friction_twice_as_large_as_listed_is_told(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, moved(0.0, 4.0 * DRY), dry=2.0 * DRY)
     told = {e.name: e for e in found.effects}
@@ -87,6 +90,7 @@ def test_friction_twice_as_large_as_listed_is_told(tmp_path: Path) -> None:
     assert found.verdict == "explained"
 
 
+@pytest.mark.slow
 def test_friction_within_its_tolerance_is_not_the_torque_constant_s(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, moved(0.0, 0.87 * 4.0), dry=4.0)
     assert (found.verdict, found.effects) == ("no_gap", ())

@@ -64,6 +64,7 @@ def test_a_fit_goes_on_where_a_number_is_at_its_bound(case: Case) -> None:
     assert soon.cost < late.cost + 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("seal")
 def test_what_fits_as_well_is_not_confirmed_beside_it() -> None:
     found = diagnose(record(noise=0.1), datasheet(), "rigid")

@@ -55,6 +55,7 @@ def test_errors_tell_a_torque_that_lasts_from_noise_of_the_input(
     assert left(case.all, case.joint)[KEY].share < 0.3, "state and input do not show it"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shaken", [0.0, SHAKEN])
 def test_a_right_datasheet_has_a_gap_where_something_else_moves_the_joint(
     right: JointFile, shaken: float
@@ -66,6 +67,7 @@ def test_a_right_datasheet_has_a_gap_where_something_else_moves_the_joint(
     assert not causes
 
 
+@pytest.mark.slow
 def test_a_wave_over_the_angle_is_confirmed_with_its_height(right: JointFile) -> None:
     found = diagnose(record(cogged=0.06), right, "rigid")
     (wave,) = (e for e in found.effects if e.stage != "sensing")

@@ -44,6 +44,7 @@ def guess() -> JointFile:
     return JointFile(bare.replace(**stated), structure="rigid", drive="static")
 
 
+@pytest.mark.slow
 def test_its_weight_is_named_though_a_regression_of_the_torque_hides_it() -> None:
     found = diagnose(pendulum(), guess())
     (weight,) = (e for e in found.effects if e.name == "gravity")
