@@ -11,9 +11,11 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
     ENOUGH,
+    EVEN_CHANCE,
     MUCH_LEFT,
     NOTHING_LEFT,
     Diagnosis,
+    Interval,
     NamedEffect,
     Unexplained,
 )
@@ -26,13 +28,20 @@ from cjt_gym.gap.horizons.judge import Progress, judge
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import of_drive
-from cjt_gym.gap.horizons.refined import BESIDE, LATE, NAMELESS, corrected, gave_way
+from cjt_gym.gap.horizons.refined import (
+    BESIDE,
+    LATE,
+    NAMELESS,
+    corrected,
+    gave_way,
+    left_tolerance,
+)
 from cjt_gym.gap.horizons.tell import horizons_of, retold
 from cjt_gym.gap.horizons.verdict import DRIFTLESS, main_row, unexplained_of
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
-from cjt_gym.gap.recorded.tolerances import is_left_open
-from cjt_gym.joint import JointFile, Structure
+from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
+from cjt_gym.joint import EFFECTS, JointFile, Structure
 from cjt_gym.joint.quantity import freeze
 from cjt_gym.records import Record
 
@@ -67,6 +76,14 @@ AT_FLOOR = 1.1
 there is no gap."""
 FAINT = 2e-3
 """Relative error up to which there is none either."""
+AS_GOOD = 1.3
+"""Ratio of a joint's errors to their floors up to which nothing could predict better."""
+OF_VALUES = {
+    "k_t": "torque_constant", "k_b": "stiffness", "k_g": "gear_stiffness", "I_l": "load_inertia"
+}  # fmt: skip
+"""Effects that are no more than a value of the datasheet."""
+ABOVE_THE_NOISE = "what is left is above the noise that the joint file states"
+"""Doubt of a value whose stage does not come down to its noise."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -110,6 +127,7 @@ def judged(
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         told = _held(_doubted(_cleared(first, found), found), found)
         told = _with_drag(_with_late_drive(told, found), found)
+        told = _with_stated_value(told, found)
         strained = gave_way(found, told.effects)
         if strained:
             effects = (e if e.name in MEASURES else e.doubted(GAVE_WAY) for e in told.effects)
@@ -166,6 +184,33 @@ def _with_drag(told: Diagnosis, found: Judgement) -> Diagnosis:
     why = f"the drag grows {law} than in proportion to the speed"
     effects = (e.doubted(why) if e.name in DRAGS else e for e in told.effects)
     return replace(told, effects=tuple(effects))
+
+
+def _with_stated_value(told: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis that names the one stated value that left its tolerance.
+
+    The stages refine a value before they look for effects. If what they leave is then more than the
+    noise that is stated, they explain nothing, though nothing could predict better.
+    """
+    left, main = left_tolerance(found, told.effects), main_row(found)
+    other = [e for e in told.effects if e.name not in MEASURES and e.stage != "drive"]
+    ahead = [row for row in found.rows if row.seconds > min(HORIZONS)]
+    best = all(row.found < max(AS_GOOD * (row.floor or 0.0), TRIVIAL) for row in ahead)
+    if len(left) != 1 or other or not best or main.found > GONE * main.datasheet:
+        return told
+    (one,) = left
+    name = OF_VALUES.get(one.symbols[0])
+    if name is None or told.verdict not in ("partly_explained", "unexplained"):
+        return told
+    half = OUTSIDE * one.spread * one.value
+    numbers = {one.symbols[0]: Interval(one.value, one.value - half, one.value + half, one.unit)}
+    effect = NamedEffect(
+        name, EFFECTS[name].stage, None, None, numbers, "tentative", EVEN_CHANCE,
+        1.0 - (main.found / main.datasheet) ** 2, (), doubt=ABOVE_THE_NOISE,
+    )  # fmt: skip
+    text = "Nothing could predict better, but the stages leave more than the noise that is stated."
+    open_ = Unexplained(0.0, None, text, 0.0, told.unexplained.missing)
+    return replace(told, verdict="explained", effects=(effect, *told.effects), unexplained=open_)
 
 
 def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Diagnosis:

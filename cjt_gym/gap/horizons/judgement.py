@@ -19,6 +19,8 @@ from cjt_gym.joint import Joint
 Floats = NDArray[np.float64]
 NEAR = 0.2
 """Relative error above which a search looks for a better joint than that of the stages."""
+SLIGHT, CLOSE = 0.1, 1.3
+"""Relative error, and its ratio to its floor, below which it is nearly as small as it could be."""
 LOUD = 0.6
 """Relative error, except at the shortest horizon, above which nothing counts as explained."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
@@ -39,6 +41,11 @@ class Row(Horizon):
     def unexplained(self) -> bool:
         """Whether the remaining error is clearly above the unpredictable part."""
         return self.left is not None and is_left(self.found, self.left)
+
+    @property
+    def near_floor(self) -> bool:
+        """Whether a small error is nearly as small as it could be."""
+        return self.found < SLIGHT and self.floor is not None and self.found < CLOSE * self.floor
 
     @property
     def lasting(self) -> bool:
@@ -82,10 +89,10 @@ class Judgement:
         """Rows with a predictable remaining error.
 
         An error at the shortest horizon alone comes from the measured start and does not count if
-        everything further ahead is predicted.
+        everything further ahead is predicted, or nearly as well as it could be.
         """
         further = [row for row in self.rows if row.seconds != min(HORIZONS)]
-        if further and all(row.found < TRIVIAL for row in further):
+        if further and all(row.found < TRIVIAL or row.near_floor for row in further):
             return ()
         return tuple(row for row in self.rows if row.unexplained)
 

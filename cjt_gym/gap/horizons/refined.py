@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -61,8 +62,27 @@ def moving_together(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
     )
 
 
-def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
-    """Return a sentence on the stated values that no effect names and that left their tolerance.
+@dataclass(frozen=True)
+class LeftTolerance:
+    """A stated value, or the sum of several, that left its tolerance.
+
+    Attributes:
+        symbols: Its symbols.
+        stated: What the datasheet states.
+        value: What fits best.
+        spread: Relative tolerance.
+        unit: Unit of both values.
+    """
+
+    symbols: tuple[str, ...]
+    stated: float
+    value: float
+    spread: float
+    unit: str
+
+
+def left_tolerance(judged: Judgement, effects: Sequence[NamedEffect]) -> list[LeftTolerance]:
+    """Return the stated values that no effect names and that left their tolerance.
 
     Bodies that move as one count together.
     """
@@ -70,7 +90,7 @@ def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
     named = {symbol for e in effects for symbol in e.parameters}
     moving = tuple(f"I_{b}" for b in body_group(nominal.structure_row, "m"))
     known = nominal.parameters.quantities
-    said = []
+    found = []
     alone = [(s,) for s in ("k_t", "k_b", "k_g", "I_l") if s not in moving]
     for symbols in (moving, *alone):
         parts = {s: known[s] for s in symbols if s in known and known[s].number > 0.0}
@@ -80,8 +100,17 @@ def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
         spread = math.hypot(*(q.number * (q.tolerance or 0.0) for q in parts.values())) / old
         if abs(math.log(max(new, 1e-12 * old) / old)) > OUTSIDE * spread:
             unit = next(iter(parts.values())).unit
-            within = f"for {old:.3g} within {100.0 * spread:.2g} %"
-            said.append(f"{' + '.join(parts)} = {new:.3g} {unit} {within}")
+            found.append(LeftTolerance(tuple(parts), old, new, spread, unit))
+    return found
+
+
+def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
+    """Return a sentence on the values that `left_tolerance`."""
+    said = [
+        f"{' + '.join(one.symbols)} = {one.value:.3g} {one.unit} for {one.stated:.3g} within "
+        f"{100.0 * one.spread:.2g} %"
+        for one in left_tolerance(judged, effects)
+    ]
     if not said:
         return ""
     return (

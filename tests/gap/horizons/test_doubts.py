@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,11 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
 from cjt_gym.gap.horizons.allowed import allowed_by
-from cjt_gym.gap.horizons.answer import _with_elsewhere, _with_late_drive
+from cjt_gym.gap.horizons.answer import (
+    _with_elsewhere,
+    _with_late_drive,
+    _with_stated_value,
+)
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.choice import _loses, sound_stages
@@ -39,8 +44,9 @@ from cjt_gym.gap.horizons.write import _torn
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
+from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import DAMPING, DRY, INERTIA, datasheet, record
+from tests.gap.horizons.rotor import DAMPING, DRY, INERTIA, datasheet, record, right_datasheet
 
 RIGID = get_structure("rigid")
 CLEAR = Worth(fall=100.0, clear=20.0, rest=90.0, price=3.0)
@@ -285,6 +291,18 @@ def test_what_is_left_of_the_measured_start_alone_is_not_unexplained(
     assert bool(Judgement(case, "found", case.joint, rows).unexplained) == open_
 
 
+@pytest.mark.parametrize(("floor", "open_"), [(0.040, False), (0.020, True)])
+def test_nor_is_it_where_errors_further_ahead_are_near_their_floor(
+    floor: float, open_: bool, case: Case
+) -> None:
+    sizes = {0.02: (0.29, 0.09), 0.1: (0.048, floor), 0.5: (0.004, 0.003)}
+    rows = tuple(
+        Row(s, "q_m", 1.0, None, found, least, Predictable(1.0 - (least / found) ** 2, 0.05))
+        for s, (found, least) in sizes.items()
+    )
+    assert bool(Judgement(case, "found", case.joint, rows).unexplained) == open_
+
+
 @pytest.mark.parametrize(
     ("left", "verdict"),
     [
@@ -392,6 +410,28 @@ def test_a_stated_value_that_gives_way_is_told(case: Case) -> None:
     assert "I_m = 0.026 kg m^2 for 0.02 within 5 %" in gave_way(judged, ())
     judged.joint = file
     assert gave_way(judged, ()) == ""
+
+
+@pytest.mark.parametrize(("error", "named"), [(0.05, True), (0.09, False)])
+def test_the_stated_value_that_the_stages_refined_far_is_named_where_nothing_predicts_better(
+    error: float, named: bool, case: Case, told: Diagnosis, tmp_path: Path
+) -> None:
+    sheet = right_datasheet(tmp_path / "rotor.toml")
+    bare = {name: x.number for name, x in sheet.parameters.quantities.items()}
+    other = replace(sheet, parameters=JointParameters.from_values("rotor", bare | {"k_t": 1.2}))
+    nominal, strong = (Joint(one, "rigid", "current", {}) for one in (sheet, other))
+    rows = (Row(0.5, "q_m", 0.6, None, error, 0.045, Predictable(0.2, 0.1)),)
+    found = Judgement(replace(case, joint=nominal), "stages", strong, rows)
+    first = replace(told, verdict="unexplained", effects=())
+    ended = _with_stated_value(first, found)
+    assert [(e.name, e.status) for e in ended.effects] == [("torque_constant", "tentative")] * named
+    assert ended.verdict == ("explained" if named else "unexplained")
+    if named:
+        assert ended.effects[0].parameters["k_t"].value == pytest.approx(1.2)
+        assert (
+            _with_stated_value(replace(ended, verdict="unexplained"), found).effects
+            == ended.effects
+        )
 
 
 @pytest.mark.parametrize(("factor", "alone"), [(0.67, True), (0.9, False)])
