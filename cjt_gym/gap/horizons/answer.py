@@ -25,7 +25,7 @@ from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import drag_law
 from cjt_gym.gap.horizons.judge import Progress, judge
-from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row
+from cjt_gym.gap.horizons.judgement import CLOSE, LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.named import of_drive
 from cjt_gym.gap.horizons.refined import (
@@ -76,8 +76,6 @@ AT_FLOOR = 1.1
 there is no gap."""
 FAINT = 2e-3
 """Relative error up to which there is none either."""
-AS_GOOD = 1.3
-"""Ratio of a joint's errors to their floors up to which nothing could predict better."""
 OF_VALUES = {
     "k_t": "torque_constant", "k_b": "stiffness", "k_g": "gear_stiffness", "I_l": "load_inertia"
 }  # fmt: skip
@@ -195,7 +193,7 @@ def _with_stated_value(told: Diagnosis, found: Judgement) -> Diagnosis:
     left, main = left_tolerance(found, told.effects), main_row(found)
     other = [e for e in told.effects if e.name not in MEASURES and e.stage != "drive"]
     ahead = [row for row in found.rows if row.seconds > min(HORIZONS)]
-    best = all(row.found < max(AS_GOOD * (row.floor or 0.0), TRIVIAL) for row in ahead)
+    best = all(row.found < max(CLOSE * (row.floor or 0.0), TRIVIAL) for row in ahead)
     if len(left) != 1 or other or not best or main.found > GONE * main.datasheet:
         return told
     (one,) = left
