@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import textwrap
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -106,15 +107,27 @@ def run(options: argparse.Namespace) -> Answer:
     found = write_files(found, folder, _short_name(Path(options.records[0])), repairs, loop)
     tell.end()
     tables = [table.text(WIDTH) for table in loop.tables()]
-    mended = "\n".join(f"record: {repair.text}" for repair in repairs[:MOST_REPAIRS])
     parts = [
-        *filter(None, [mended]),
+        *filter(None, [_of_the_record(found, repairs)]),
         summary(found).rstrip(),
         *tables,
         *loop.notes,
         _where(folder, found),
     ]
     return json.loads((folder / "diagnosis.json").read_text(encoding="utf-8")), "\n\n".join(parts)
+
+
+def _of_the_record(found: Diagnosis, repairs: Sequence[Repair]) -> str:
+    """Return what was repaired in the records, and their faults, as lines."""
+    faults = () if found.examination is None else found.examination.faults
+    told = list(dict.fromkeys((*(repair.text for repair in repairs), *faults)))
+    more = len(told) - MOST_REPAIRS
+    also = [f"and {more} more in the report."] if more > 0 else []
+    lines = (
+        textwrap.fill(f"record: {text}", WIDTH, subsequent_indent="  ")
+        for text in [*told[:MOST_REPAIRS], *also]
+    )
+    return "\n".join(lines)
 
 
 def _short_name(path: Path) -> str:

@@ -21,6 +21,7 @@ from cjt_gym.gap.diagnosis import (
     Suggestion,
     Unexplained,
 )
+from cjt_gym.gap.digits import plain
 from cjt_gym.gap.evidence import Source
 from cjt_gym.gap.horizons.answer import title_of
 from cjt_gym.gap.horizons.model import MEASURES
@@ -302,7 +303,7 @@ def _beyond_tolerance(found: Explanation, mean_square: Mapping[str, float]) -> t
     known = problem.stages.setting.joint.parameters.quantities
     values = problem.fields(Model(), found.base.z)
     off = ", ".join(
-        f"{n.field} = {values[n.field]:.3g} for {nominal[n.field]:.3g} {known[n.field].unit}"
+        f"{n.field} = {plain(values[n.field])} for {plain(nominal[n.field])} {known[n.field].unit}"
         for n, z in zip(problem.shared, found.base.z, strict=True)
         if n.field in known and abs(z) > WITHIN
     )

@@ -10,6 +10,7 @@ from cjt_gym.gap.check.balance import orthonormal
 from cjt_gym.gap.check.channels import Channel
 from cjt_gym.gap.check.transmission import deflection
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.digits import plain
 from cjt_gym.gap.recorded.slope import integrated, is_scaled
 from cjt_gym.records.doubts import doubts
 
@@ -63,11 +64,11 @@ def velocities(view: View) -> list[str]:
         exact, _, rest = integrated(longest[velocity], longest[angle], view.dt)
         if is_scaled(exact, rest):
             found.append(
-                f"{velocity} is {exact:.3g} times the slope of {angle}: its unit or scale is "
+                f"{velocity} is {plain(exact)} times the slope of {angle}: its unit or scale is "
                 "wrong, or the times of the rows are."
             )
         elif slope is not None and abs(slope - 1.0) >= SLOPE:
-            found.append(f"{velocity} is {slope:.3g} times the slope of {angle}.")
+            found.append(f"{velocity} is {plain(slope)} times the slope of {angle}.")
     return found
 
 
@@ -101,7 +102,7 @@ def currents(view: View) -> list[str]:
         off = None if factor is None else factor / times
         same = view.channels[one].unit == view.channels[other].unit
         if off is not None and (same or times != 1.0) and abs(off - 1.0) > limit:
-            found.append(f"{other} is {off:.3g} times {words}.")
+            found.append(f"{other} is {plain(off)} times {words}.")
     return found
 
 
@@ -162,8 +163,10 @@ def angles(view: View) -> list[str]:
         return []
     for ratio, text in ((view.ratio, "the ratio n"), (1.0 / view.ratio, "one over the ratio n")):
         if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
-            return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
-    return [f"q_l is {factor:.3g} times q_m, and both should be on the link side."]
+            return [
+                f"q_l is {plain(factor)} times q_m, {text} of the gear: map q_m to the link side."
+            ]
+    return [f"q_l is {plain(factor)} times q_m, and both should be on the link side."]
 
 
 def coarser(view: View) -> list[str]:
@@ -204,7 +207,7 @@ def spring(view: View) -> list[str]:
     times = factor / stiffness
     if 1.0 / SPRING < times < SPRING:
         return []
-    said = f"tau is {times:.3g} times the nominal stiffness times the deflection of the spring"
+    said = f"tau is {plain(times)} times the nominal stiffness times the deflection of the spring"
     swapped = 1.0 / SPRING < times * stiffness**2 < SPRING
     return [f"{said}, as if q_m and tau were swapped." if swapped else f"{said}."]
 

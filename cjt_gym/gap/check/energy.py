@@ -37,6 +37,11 @@ def foreign(view: View) -> list[str]:
     share = _share(view)
     if share < FOREIGN:
         return []
+    if _is_off(view):
+        return [
+            f"{view.drive} is 0 throughout, and the joint gains speed again and again: it is not "
+            "the input that moves the joint, or something else moves it, such as a hand."
+        ]
     backward = _share(view, -1.0) < 0.5 * FOREIGN
     if backward and _is_turned(view):
         return []
@@ -48,6 +53,11 @@ def foreign(view: View) -> list[str]:
     ]
 
 
+def _is_off(view: View) -> bool:
+    """Return whether the motor gives no torque in any stretch."""
+    return not any(np.any(view.driving(piece)) for piece in view.stretches)
+
+
 def _is_turned(view: View) -> bool:
     """Return whether the reader turns the sign of a channel of the longest record."""
     if view.joint is None:
@@ -57,8 +67,12 @@ def _is_turned(view: View) -> bool:
 
 
 def _share(view: View, sign: float = 1.0) -> float:
-    """Return the energy that something else gives, relative to what the motor exchanges."""
-    known = "tau_l" in view or view.structure.has_spring or view.drive in (None, "v")
+    """Return the energy that something else gives, relative to what the motor exchanges.
+
+    Of a motor that is off it is relative to what the joint gains and loses. The back-EMF of a
+    drive by voltage only takes, as friction does.
+    """
+    known = "tau_l" in view or view.structure.has_spring or view.drive is None
     if known or "q_m" not in view:
         return 0.0
     walks = [walk for piece in view.stretches if (walk := _walk(view, piece)) is not None]
@@ -73,8 +87,13 @@ def _share(view: View, sign: float = 1.0) -> float:
             given.append(np.diff(sign * work[at]))
             moved.append(np.diff(0.5 * speed[at] ** 2))
             exchanged += float(gross[at[-1]] - gross[at[0]]) if len(at) else 0.0
-        if sum(map(len, given)) >= FEWEST and exchanged > 0.0:
-            found.append(_gain(np.concatenate(given), np.concatenate(moved)) / exchanged)
+        if sum(map(len, given)) < FEWEST:
+            continue
+        work, change = np.concatenate(given), np.concatenate(moved)
+        if exchanged > 0.0:
+            found.append(_gain(work, change) / exchanged)
+        elif np.any(change):
+            found.append(float(np.maximum(change, 0.0).sum() / np.abs(change).sum()))
     return float(np.median(found)) if len(found) > len(LEVELS) / 2 else 0.0
 
 

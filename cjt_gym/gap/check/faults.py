@@ -23,6 +23,7 @@ from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
 from cjt_gym.gap.check.torque_sensor import at_rest, without_spring
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.digits import plain
 from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.records import clean_pieces
@@ -95,14 +96,23 @@ def _still(view: View) -> list[str]:
 
 
 def _beyond_peak(view: View) -> list[str]:
-    """Return a sentence on a current that the joint's peak current does not allow."""
-    limit = view.value("i_p")
-    if "i" not in view or not 0.0 < limit < np.inf:
-        return []
-    usual = float(np.nanquantile(np.abs(np.concatenate([x["i"] for x in view.stretches])), OFTEN))
-    if usual <= BEYOND * limit:
-        return []
-    return [f"i reaches {usual:.3g} A; the joint file gives a peak current i_p of {limit:.3g} A."]
+    """Return sentences on a current or voltage that the joint's largest one does not allow."""
+    found = []
+    for name, unit, symbol, what in (
+        ("i", "A", "i_p", "peak current"),
+        ("v", "V", "v_0", "supply voltage"),
+    ):
+        limit = view.value(symbol)
+        if name not in view or not 0.0 < limit < np.inf:
+            continue
+        sizes = np.abs(np.concatenate([x[name] for x in view.stretches]))
+        usual = float(np.nanquantile(sizes, OFTEN))
+        if usual > BEYOND * limit:
+            found.append(
+                f"{name} reaches {plain(usual)} {unit}; the joint file gives a {what} {symbol} of "
+                f"{plain(limit)} {unit}."
+            )
+    return found
 
 
 def _few_counts(view: View) -> list[str]:
@@ -140,10 +150,10 @@ def _noise(view: View) -> list[str]:
                     f"deviation of {swing:.2g} {channel.unit}, and the joint file specifies none."
                 )
         elif channel.specified and channel.observed > NOISY * channel.specified:
-            ratio = float(f"{channel.observed / channel.specified:.2g}")
+            ratio = plain(channel.observed / channel.specified, 2)
             found.append(
                 f"{name} has noise of {channel.observed:.2g} {channel.unit}, "
-                f"{ratio:g} times what the joint file states."
+                f"{ratio} times what the joint file states."
             )
     return found
 
@@ -166,7 +176,7 @@ def _tail(view: View) -> list[str]:
     if before <= 0.0 or after / before > AT_REST * TAIL / (1.0 - TAIL):
         return []
     return [
-        f"The last fifth of the record, from {begin:.3g} s on, is at rest: findings from "
+        f"The last fifth of the record, from {plain(begin)} s on, is at rest: findings from "
         "the other part cannot be tested on it."
     ]
 
@@ -193,13 +203,15 @@ def _swing(view: View) -> Sequence[str]:
     ):
         if swing > nyquist:
             found.append(
-                f"{what} at {swing:.3g} Hz, above the log's Nyquist frequency of {nyquist:.3g} Hz."
+                f"{what} at {plain(swing)} Hz, above the log's Nyquist frequency of "
+                f"{plain(nyquist)} Hz."
             )
     return found
 
 
 UNITS = "Map each channel with its unit, sign and side: --mapping."
 FACTOR = "Map that channel with its unit and side: --mapping."
+LIMITS = "Correct i_p or v_0 in the joint file, or map current and voltage with their units."
 SCALES = "Correct k_t and n in the joint file, or map tau with its unit and side."
 SLOPES = "Map the velocity with its unit and scale, or correct the times of the rows."
 ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
@@ -212,7 +224,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_repairs, ""),
     (lambda view: clock(view.logged), "Log at an even rate of 1 kHz, with the time of each row."),
     (_still, "Leave out channels that are not connected."),
-    (_beyond_peak, "Correct i_p in the joint file, or map the current with its unit."),
+    (_beyond_peak, LIMITS),
     (_few_counts, FINER),
     (_whole_numbers, UNITS),
     (velocities, SLOPES),

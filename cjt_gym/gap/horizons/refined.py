@@ -10,6 +10,7 @@ import numpy as np
 
 from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
 from cjt_gym.gap.diagnosis import NamedEffect
+from cjt_gym.gap.digits import plain
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judgement import LOUD, Judgement
@@ -38,8 +39,8 @@ def corrected(judged: Judgement) -> str:
         new = _given(judged, symbol)
         if abs(new - quantity.number) > REFINED * max(new, quantity.number):
             said.append(
-                f"The guess of {symbol}, {quantity.number:.3g} {quantity.unit}, is corrected to "
-                f"{new:.3g}."
+                f"The guess of {symbol}, {plain(quantity.number)} {quantity.unit}, is corrected to "
+                f"{plain(new)}."
             )
     return " ".join(said)
 
@@ -57,8 +58,8 @@ def moving_together(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
     old, new = motor_inertia(nominal), sum(_given(judged, s) for s in parts)
     unit = nominal.parameters.quantities[parts[0]].unit
     return (
-        f"What moves as one has an inertia of {new:.3g} {unit} instead of {old:.3g}; the record "
-        f"does not tell how {' and '.join(parts)} share it."
+        f"What moves as one has an inertia of {plain(new)} {unit} instead of {plain(old)}; "
+        f"the record does not tell how {' and '.join(parts)} share it."
     )
 
 
@@ -107,7 +108,7 @@ def left_tolerance(judged: Judgement, effects: Sequence[NamedEffect]) -> list[Le
 def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
     """Return a sentence on the values that `left_tolerance`."""
     said = [
-        f"{' + '.join(one.symbols)} = {one.value:.3g} {one.unit} for {one.stated:.3g} within "
+        f"{' + '.join(one.symbols)} = {plain(one.value)} {one.unit} for {plain(one.stated)} within "
         f"{100.0 * one.spread:.2g} %"
         for one in left_tolerance(judged, effects)
     ]
@@ -167,12 +168,14 @@ def _in_words(judged: Judgement, term: Term, value: float, nominal: float) -> st
     symbol = "torque" if term.name == "gravity" else term.numbers[0].symbol
     parameter = EFFECTS[term.name].parameter(symbol)
     if parameter is None:  # a number of the fit alone
-        return f"{term.name} {value:.3g} for {nominal:.3g}"
+        return f"{term.name} {plain(value)} for {plain(nominal)}"
     unit = unit_on(parameter, joint.parameters)
     if term.name == "inertia":  # of all bodies that move as one with the rotor
         parts = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
         symbol = " + ".join(s for s in parts if joint.parameters.get(s, 0.0) > 0.0) or symbol
-    return f"{term.name} {symbol} {value:.3g} {unit} for {nominal:.3g}".replace(" - for", " for")
+    return f"{term.name} {symbol} {plain(value)} {unit} for {plain(nominal)}".replace(
+        " - for", " for"
+    )
 
 
 def _is_unlisted(judged: Judgement, term: Term) -> bool:
@@ -238,7 +241,7 @@ def imposed(judged: Judgement) -> str:
         return ""
     unit = "kg" if joint.parameters.axis == "prismatic" else "kg m^2"
     return (
-        f"The inertia given, {inertia:.3g} {unit}, is one that the torque hardly moves: where "
+        f"The inertia given, {plain(inertia)} {unit}, is one that the torque hardly moves: where "
         "something else imposes the motion it predicts best, and is not the joint's own."
     )
 

@@ -40,8 +40,9 @@ FOLLOWERS = (
 )
 """Pairs of which the second follows the first, with the same sign."""
 SLOPES = (("q_m", "dq_m"), ("q_g", "dq_g"), ("q_l", "dq_l"))
-DRIVING = ("i", "tau_m", "i_cmd", "tau_cmd")
-"""Channels that represent the motor's torque, best first."""
+DRIVING = ("i", "tau_m", "i_cmd", "tau_cmd", "v")
+"""Channels that represent the motor's torque, best first: of a voltage but for its back-EMF, which
+the speed takes as friction does."""
 CERTAIN = 0.7
 """Correlation above which two channels follow each other."""
 AMBIGUOUS = 0.8

@@ -102,13 +102,19 @@ def interval(p: Interval) -> str:
     width = p.high - p.low
     if width <= 0.0 or max(abs(p.low), abs(p.high)) < 1e-3:
         return f"{quantity(p.value, p.unit)} ({number(p.low)} … {number(p.high)})"
-    decimals = 1 - math.floor(math.log10(width))
+    digits = [_decimals(2.0 * away) for away in (p.value - p.low, p.high - p.value)]
+    below, above = (_decimals(width) if known is None else known for known in digits)
     value, low, high = (
         f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", MINUS)
-        for x in (p.value, p.low, p.high)
+        for x, decimals in ((p.value, max(below, above)), (p.low, below), (p.high, above))
     )
     unit = "" if p.unit in ("", "-") else f" {p.unit}".replace(" ", SPACE)
     return f"{value}{unit} ({low} … {high})"
+
+
+def _decimals(width: float) -> int | None:
+    """Return to how many decimals a number is certain within a width; None for no width."""
+    return 1 - math.floor(math.log10(width)) if width > 0.0 else None
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:

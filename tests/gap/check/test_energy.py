@@ -10,6 +10,8 @@ from cjt_gym.gap.check.energy import foreign
 from cjt_gym.gap.check.examine import examine
 from cjt_gym.gap.check.faults import OTHERS
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.recorded.orient import orient
+from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import datasheet
 
@@ -73,3 +75,45 @@ def test_a_push_that_was_measured_is_none() -> None:
         structure="rigid",
     )  # fmt: skip
     assert foreign(View.of([known], None, None)) == []
+
+
+def test_a_joint_that_moves_without_an_input_is_moved_by_another() -> None:
+    record = servo(0.0)
+    off = record.with_columns({"i": np.zeros(len(record))})
+    (said,) = foreign(View.of([off], None, None))
+    assert said.startswith("i is 0 throughout, and the joint gains speed again and again")
+
+
+def test_a_pendulum_that_swings_down_gains_nothing() -> None:
+    t = DT * np.arange(15000)
+    columns = {"t": t, "i": np.zeros(len(t)), "q_m": np.exp(-0.1 * t) * np.cos(5.0 * t)}
+    swinging = Record(columns, {"t": "s", "i": "A", "q_m": "rad"}, structure="rigid")
+    assert foreign(View.of([swinging], None, None)) == []
+
+
+def by_voltage(turn: float = 1.0) -> Record:
+    """Return a motor driven by voltage through a resistance of 1 Ohm."""
+    rng = np.random.default_rng(1)
+    t = DT * np.arange(15000)
+    v = 3.0 * np.interp(t, np.arange(0.0, 31.0, 0.4), rng.standard_normal(78))
+    q = dq = 0.0
+    angle = np.zeros(len(t))
+    for k in range(len(t)):
+        angle[k] = q
+        dq += DT / INERTIA * (v[k] - (1.0 + DAMPING) * dq - DRY * np.tanh(50.0 * dq))
+        q += DT * dq
+    columns = {"t": t, "v": turn * v, "q_m": angle}
+    return Record(columns, {"t": "s", "v": "V", "q_m": "rad"}, structure="rigid")
+
+
+def test_a_voltage_gives_all_that_its_joint_gains() -> None:
+    assert foreign(View.of([by_voltage()], None, None)) == []
+    (said,) = foreign(View.of([by_voltage(-1.0)], None, None))
+    assert said.endswith("or the sign of v is wrong.")
+
+
+def test_a_voltage_of_the_wrong_sign_turns_the_angle() -> None:
+    joint = datasheet(1.0)
+    for turn, turned in ((1.0, []), (-1.0, ["q_m"])):
+        _, repairs = orient(by_voltage(turn), joint, get_structure("rigid"))
+        assert [repair.channel for repair in repairs if repair.changed] == turned
