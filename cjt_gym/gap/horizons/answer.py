@@ -137,7 +137,9 @@ def judged(
     told = retold(first, found, excluded, title_of(records[0]))
     told = _with_elsewhere(told, first, measured=any("i" in one for one in records))
     told = allowed_by(_with_drag(_with_late_drive(told, found), found), excluded)
-    text = f"{found.contradicted} {told.unexplained.text}".strip()
+    beside = any(e.name not in MEASURES for e in told.effects) and found.answer == "found"
+    strained = gave_way(found, told.effects) if beside else ""
+    text = " ".join(filter(None, (found.contradicted, strained, told.unexplained.text)))
     told = replace(told, unexplained=replace(told.unexplained, text=text))
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
@@ -231,7 +233,7 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
         sure = told.verdict != "no_gap"
         said = "what stays unexplained may be its cause"
         seen = [e.doubted(said) for e in seen if sure or e.name == ROUNDED or e.stage == "drive"]
-    if not seen:
+    if not seen or (told.verdict == "unexplained" and all(map(_is_mere_noise, seen))):
         return told
     least = min((e.gap_removed for e in told.effects), default=1.0)
     more = [replace(e, gap_removed=min(e.gap_removed, least)) for e in seen]
@@ -243,6 +245,11 @@ def _with_elsewhere(told: Diagnosis, first: Diagnosis, *, measured: bool) -> Dia
         verdict=verdict.get(told.verdict, told.verdict),
         unexplained=left,
     )
+
+
+def _is_mere_noise(effect: NamedEffect) -> bool:
+    """Return whether an effect explains no part of a gap in the motion, nor is sure by itself."""
+    return effect.name in MEASURES and effect.status == "tentative"
 
 
 def _follows_a_sure_drive(effect: NamedEffect) -> bool:

@@ -75,6 +75,12 @@ def agrees(one: Spent | None, values: Sequence[float]) -> bool:
     return math.dist(one.values[-2:], values[-2:]) < AGREES * one.size  # of cogging no frequency
 
 
+def is_guessed(name: str, joint: Joint) -> bool:
+    """Return whether an effect is no more than a guess of the datasheet, which is corrected."""
+    known = (joint.parameters.quantities.get(s) for s in SYMBOLS.get(name, ()))
+    return any(q is not None and q.guess for q in known)
+
+
 def _covered(name: str, seen: Mapping[str, Spent]) -> bool:
     """Return whether a regression of the torque shows an effect or an equivalent one."""
     return any(name in {one, *SAME[one]} for one in seen)
@@ -98,6 +104,8 @@ def told_by_torque(
     for one in sorted(seen.values(), key=lambda s: -s.share):
         taken = names | {e.name for e in found}
         if taken & {one.name, *SAME[one.name]} or (driven and one.name in FRICTION):
+            continue
+        if not alone and is_guessed(one.name, joint):
             continue
         found.append(
             NamedEffect(

@@ -99,6 +99,9 @@ def retold(
     verdict = verdict_of(judged, effects, suspected=bool(first.effects))
     if verdict == "no_gap":
         stages = {name: replace(gap, significant=False) for name, gap in stages.items()}
+    elif verdict == "explained" and not any(e.stage == "drive" for e in (*effects, *first.effects)):
+        # such as a current noisier than is stated: nothing in the drive explains what is gone
+        stages = {**stages, "drive": replace(stages["drive"], significant=False)}
     unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")

@@ -239,9 +239,14 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         rest = f"something in the {left.stage} stage stays unexplained"
         return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
     if not moving:
+        names = names.removesuffix(",")
+        if gap.removed < NOTABLE:
+            return f"{lies}: {names}."
         change = f"{percent(gap.before)} to {percent(gap.after)}"
-        better = f"; values refined within their tolerances take the replay error from {change}"
-        return f"{lies}: {names.removesuffix(',')}{better if gap.removed >= NOTABLE else ''}."
+        return (
+            f"Values refined within their tolerances take the replay error from {change}; beside "
+            f"them the joint file lacks {names}."
+        )
     text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
     if gap.after > max(OPEN, AGAIN * gap.floor):
         text += (
