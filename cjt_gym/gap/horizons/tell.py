@@ -97,11 +97,7 @@ def retold(
     rows = judged.rows
     stages = stages_of(first, judged, effects)
     verdict = verdict_of(judged, effects, suspected=bool(first.effects))
-    if verdict == "no_gap":
-        stages = {name: replace(gap, significant=False) for name, gap in stages.items()}
-    elif verdict == "explained" and not any(e.stage == "drive" for e in (*effects, *first.effects)):
-        # such as a current noisier than is stated: nothing in the drive explains what is gone
-        stages = {**stages, "drive": replace(stages["drive"], significant=False)}
+    stages = marked(stages, verdict, (*effects, *first.effects))
     unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
@@ -128,6 +124,23 @@ def retold(
         horizons=horizons_of(judged),
         regimes=first.regimes if rows else (),
     )
+
+
+def marked(
+    stages: Mapping[str, StageGap], verdict: str, effects: Sequence[NamedEffect]
+) -> dict[str, StageGap]:
+    """Return stages with a gap marked where a verdict leaves one.
+
+    Of an explained gap none is the drive's unless an effect of the drive is named, which a current
+    noisier than is stated seems to have.
+    """
+    none = set(stages) if verdict == "no_gap" else set()
+    if verdict == "explained" and not any(e.stage == "drive" for e in effects):
+        none = {"drive"}
+    return {
+        name: replace(gap, significant=gap.significant and name not in none)
+        for name, gap in stages.items()
+    }
 
 
 def without_late_drive(effects: Sequence[NamedEffect], drive: StageGap) -> tuple[NamedEffect, ...]:

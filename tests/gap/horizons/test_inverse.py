@@ -27,7 +27,7 @@ from cjt_gym.gap.horizons.judge import _misses_wave
 from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
-from cjt_gym.joint import JointFile, get_structure, load_joint_file
+from cjt_gym.joint import JointFile, Quantity, get_structure, load_joint_file
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record
@@ -152,7 +152,7 @@ def test_a_constant_torque_is_felt_as_no_weight(arm: JointFile) -> None:
         assert feels_weight(case.joint, case.logs) == felt
 
 
-def judgement(arm: JointFile, **values: float) -> Judgement:
+def judgement(arm: JointFile, **values: float | Quantity) -> Judgement:
     """Return a judgement of the record, for a datasheet with other values."""
     file = replace(arm, parameters=arm.parameters.replace(**values))
     case = make_case([held_record(0, 0.02)], [], file, get_structure("rigid"))
@@ -173,6 +173,9 @@ def test_the_torque_adds_what_has_no_name_yet(arm: JointFile) -> None:
     beside = told_by_torque(judged, seen, [replace(alone[0], name="stribeck")], alone=False)
     assert {e.name for e in beside} == set(seen) - {"coulomb"}, "it is a part of the other"
     assert {(e.status, e.gap_removed) for e in beside} == {("tentative", 0.0)}
+    guessed = judgement(arm, d_m=Quantity(DAMPING, "N m s/rad", "guess", guess=True))
+    corrected = told_by_torque(guessed, seen, (), alone=False)
+    assert "damping" not in {e.name for e in corrected}, "a guess is corrected"
 
 
 def test_negative_friction_is_none_nor_is_what_stands_beside_it(arm: JointFile) -> None:
