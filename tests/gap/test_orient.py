@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import draw_case, write_case
+from cjt_gym.gap.check import examine
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.joint import JointFile, Structure, get_structure, load_joint_file
 from cjt_gym.joint.parameters import JointParameters
@@ -60,6 +61,23 @@ def test_turned_channels_are_found_with_a_locked_output(name: str, locked: Blind
     record, joint, structure = locked
     oriented, _ = orient(turned(record, name), joint, structure)
     assert np.array_equal(oriented[name], record[name])
+
+
+def test_angles_that_are_swapped_look_like_a_torque_of_the_other_sign(
+    free: Blind, locked: Blind
+) -> None:
+    record, joint, structure = free
+    swapped = record.with_columns({"q_m": record["q_l"], "q_l": record["q_m"]})
+    (repair,) = orient(swapped, joint, structure)[1]
+    assert repair.text.startswith("tau: sign turned")
+    assert repair.text.endswith("Or q_m and q_l are swapped.")
+    assert any(
+        "as if its sign were turned or q_m and q_l were swapped" in fault
+        for fault in examine(swapped, joint, structure).faults
+    )
+    record, joint, structure = locked
+    (repair,) = orient(turned(record, "tau"), joint, structure)[1]
+    assert "swapped" not in repair.text, "the load's angle is that of a lock"
 
 
 def test_a_load_angle_that_is_turned(free: Blind, locked: Blind) -> None:

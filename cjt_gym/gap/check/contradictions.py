@@ -208,8 +208,11 @@ def spring(view: View) -> list[str]:
     if 1.0 / SPRING < times < SPRING:
         return []
     said = f"tau is {plain(times)} times the nominal stiffness times the deflection of the spring"
-    swapped = 1.0 / SPRING < times * stiffness**2 < SPRING
-    return [f"{said}, as if q_m and tau were swapped." if swapped else f"{said}."]
+    if 1.0 / SPRING < times * stiffness**2 < SPRING:
+        return [f"{said}, as if q_m and tau were swapped."]
+    if 1.0 / SPRING < -times < SPRING and "q_l" in view:
+        return [f"{said}, as if its sign were turned or q_m and q_l were swapped."]
+    return [f"{said}."]
 
 
 def _factor(x: np.ndarray, y: np.ndarray, alike: float = SAME) -> float | None:

@@ -68,6 +68,8 @@ HOLE = 0.5
 """Time without any measurement over which channels are not interpolated [s]."""
 ORDER = ("tau", "q_l", "q_g", "dq_m", "dq_g", "dq_l", "q_m", "i", "i_cmd")
 """Channels whose sign is doubted first if any of several would do."""
+WOUND = "the spring's torque grows as it is wound"
+"""The law of the spring, as a repair tells it."""
 UNIT_FACTORS = {180.0 / pi: "180/pi", pi / 180.0: "pi/180", 1e3: "1000", 1e-3: "1/1000"}
 FACTOR_MISFIT = 0.15
 
@@ -170,7 +172,7 @@ def _spring(channels: dict[str, Floats], structure: Structure) -> Iterator[Tie]:
         return
     signs = {"q_m": 1.0, "q_l": -1.0}
     for name, strength in _partial(channels["tau"], {n: channels[n] for n in names}).items():
-        yield Tie(name, "tau", signs[name] * strength, "the spring's torque grows as it is wound")
+        yield Tie(name, "tau", signs[name] * strength, WOUND)
 
 
 def _partial(y: Floats, terms: dict[str, Floats]) -> dict[str, float]:
@@ -299,7 +301,9 @@ def _turn(name: str, ties: list[Tie]) -> Repair:
         tie.law for tie in ties if name in (tie.first, tie.second) and tie.strength < 0.0
     )
     reason = "; ".join(laws) or "it goes with another that was turned"
-    return Repair("sign", name, 0, True, f"{name}: sign turned ({reason}).")
+    wound = {tie.first for tie in ties if tie.law == WOUND and tie.strength < 0.0}
+    also = " Or q_m and q_l are swapped." if name == "tau" and {"q_m", "q_l"} <= wound else ""
+    return Repair("sign", name, 0, True, f"{name}: sign turned ({reason}).{also}")
 
 
 def _scales(
