@@ -8,6 +8,7 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.digits import plain
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.joint.arrays import Floats
 
@@ -47,9 +48,9 @@ def foreign(view: View) -> list[str]:
         return []
     other = f", or the sign of {view.drive} is wrong" if backward else ""
     return [
-        f"The joint gains energy that its motor does not give, {100.0 * share:.2g} % of all that "
-        "the motor exchanges: something else moves it, such as a hand, other joints or a "
-        f"machine{other}."
+        "The joint gains energy that its motor does not give, "
+        f"{plain(100.0 * share, 2)} % of all that the motor exchanges: something else moves it, "
+        f"such as a hand, other joints or a machine{other}."
     ]
 
 

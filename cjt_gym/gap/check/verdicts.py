@@ -10,6 +10,7 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.digits import plain
 
 TORQUE = 0.3
 """Upper limit on the smallest identifiable torque, relative to the driving torque."""
@@ -85,7 +86,7 @@ def only_from(size: float, unit: str) -> str:
 
 def sized(size: float, unit: str) -> str:
     """Return a size with its unit, one without a unit in percent."""
-    return f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
+    return f"{plain(100.0 * size, 2)} %" if unit == "-" else f"{plain(size, 2)} {unit}"
 
 
 def percent(share: float) -> str:

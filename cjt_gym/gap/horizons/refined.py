@@ -109,7 +109,7 @@ def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
     """Return a sentence on the values that `left_tolerance`."""
     said = [
         f"{' + '.join(one.symbols)} = {plain(one.value)} {one.unit} for {plain(one.stated)} within "
-        f"{100.0 * one.spread:.2g} %"
+        f"{plain(100.0 * one.spread, 2)} %"
         for one in left_tolerance(judged, effects)
     ]
     if not said:
