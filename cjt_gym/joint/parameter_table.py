@@ -24,6 +24,9 @@ _PRISMATIC: Mapping[str, str] = {
     "N m/V": "N/V",
     "rad": "m",
     "rad/s": "m/s",
+    "s/rad": "s/m",
+    "N m/rad^3": "N/m^3",
+    "N m/rad^e": "N/m^e",
 }
 # Stands for a current where it is unknown, because the amplifier takes volts.
 _VOLTS: Mapping[str, str] = {"N m/A": "N m/V", "A": "V"}

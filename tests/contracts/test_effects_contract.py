@@ -25,6 +25,7 @@ from cjt_gym.joint import (
 )
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.effects import PLACES, body_of
+from cjt_gym.joint.parameter_table import axis_units
 from cjt_gym.records import Record
 from tests.physics.cases import typical
 
@@ -310,3 +311,10 @@ def test_a_torque_of_position_or_speed_is_in_nonlinear_torque(effect: Effect) ->
         for effects in ({effect.name: typical(effect)}, {})
     ]
     assert np.array_equal(*found) == (effect.name in NO_NONLINEAR_TORQUE)
+
+
+def test_no_number_of_an_effect_keeps_a_rotary_unit_on_a_prismatic_axis() -> None:
+    units = {p.unit for effect in EFFECTS.values() for p in effect.parameters}
+    assert "N m/rad^3" in units
+    for unit in units:
+        assert not any("rad" in other for other in axis_units(unit, "prismatic")), unit
