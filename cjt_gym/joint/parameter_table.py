@@ -25,6 +25,7 @@ _PRISMATIC: Mapping[str, str] = {
     "rad": "m",
     "rad/s": "m/s",
     "s/rad": "s/m",
+    "rad/s^0.5": "m/s^0.5",
     "N m/rad^3": "N/m^3",
     "N m/rad^e": "N/m^e",
 }
