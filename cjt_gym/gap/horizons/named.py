@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, LEVELLESS, MUCH_LEFT, Interval, NamedEffect
-from cjt_gym.gap.horizons.by_torque import either, inertia_by_torque
+from cjt_gym.gap.horizons.by_torque import DRY, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import feels_weight
@@ -105,10 +105,25 @@ def _of_search(
             continue
         if is_named(judged, k, term, seen, alone=alone):
             effect = _named(judged, spread, k, term)
+            if _is_dry(judged, k, seen):
+                effect = effect.or_else(["coulomb"]).doubted(_instead(["coulomb"]))
             if may_be_as_stated(spread, term, effect) or is_open(judged, effect):
                 continue
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     return named
+
+
+def _is_dry(judged: Judgement, index: int, seen: Mapping[str, Spent]) -> bool:
+    """Return whether a damping stands for dry friction that the torque shows and the fit lacks.
+
+    Predictions of a motion of one frequency and size hardly tell one from the other.
+    """
+    assert judged.found is not None
+    fit = judged.found.fit
+    given = {t.name for t in fit.model.terms} | judged.joint.effects.keys()
+    if fit.model.terms[index].name != "damping" or DRY & given or not DRY & seen.keys():
+        return False
+    return not agrees(seen.get("damping"), fit.model.values(fit.z)[index])
 
 
 def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:

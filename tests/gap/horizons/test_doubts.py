@@ -20,12 +20,15 @@ from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.held import held_alike
+from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judgement import NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.nameable import is_named, may_be_as_stated
+from cjt_gym.gap.horizons.named import _is_dry
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
+from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread
 from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
 from cjt_gym.gap.horizons.windows import WHOLE
@@ -35,10 +38,15 @@ from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import DRY, INERTIA, datasheet, record
+from tests.gap.horizons.rotor import DAMPING, DRY, INERTIA, datasheet, record
 
 RIGID = get_structure("rigid")
 CLEAR = Worth(fall=100.0, clear=20.0, rest=90.0, price=3.0)
+
+
+def told_as(**values: float) -> dict[str, Spent]:
+    """Return effects that a regression of the torque tells."""
+    return {name: Spent(name, (x,), (0.01 * x,), 0.5) for name, x in values.items()}
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +67,23 @@ def test_a_weight_that_the_torque_of_a_single_mass_does_not_show_is_not_told(cas
     assert is_named(judged, at, weight, {"coulomb": shown, "gravity": shown})
     unknown = replace(case, logs=tuple(replace(log, measured={}) for log in case.logs))
     assert is_named(replace(judged, case=unknown), at, weight, {}), "no regression, no refutation"
+
+
+def test_a_damping_that_stands_for_the_dry_friction_of_the_torque_is_told_in_doubt(
+    case: Case,
+) -> None:
+    seen = seen_in_torque(case.joint, case.logs)
+    assert "coulomb" in seen
+    model = Model(case.joint, base_terms(case.joint, scales_of(case.joint, case.logs)))
+    at = [t.name for t in model.terms].index("damping")
+    z = np.zeros(len(model.terms))
+    for damping, doubted in ((DAMPING, False), (4.0 * DAMPING, True)):
+        z[at] = model.terms[at].numbers[0].coordinate(damping)
+        fit: Any = SimpleNamespace(fit=Fit(model, z, 0.0, []))
+        judged = Judgement(case, "found", case.joint, (), found=fit)
+        told = told_as(damping=DAMPING)
+        assert _is_dry(judged, at, {**told, "coulomb": seen["coulomb"]}) == doubted
+        assert not _is_dry(judged, at, told), "no dry friction is seen"
 
 
 @pytest.mark.parametrize(("factor", "torn"), [(2.0, True), (1.0, False)])
