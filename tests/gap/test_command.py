@@ -96,6 +96,7 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / "pd.npz"
 
 
+@pytest.mark.slow
 def test_a_record_under_control_is_replayed_and_compared_in_the_loop(
     tracked: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

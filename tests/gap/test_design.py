@@ -50,6 +50,7 @@ def explained(problem: Problem, name: str, *values: float) -> Fit:
     return Fit(model, z, 0.0, problem.mean_square(residuals), residuals)
 
 
+@pytest.mark.slow
 def test_damping_is_told_from_dry_friction(problem: Problem) -> None:
     fits = {
         "damping": explained(problem, "damping", 2800.0),
@@ -66,6 +67,7 @@ def test_damping_is_told_from_dry_friction(problem: Problem) -> None:
     assert all(c.residual > 1.3 for c in best.crosses)
 
 
+@pytest.mark.slow
 def test_every_experiment_keeps_to_the_limits_whatever_is_true(problem: Problem) -> None:
     fits = {
         "damping": explained(problem, "damping", 2800.0),
@@ -93,6 +95,7 @@ def test_equal_explanations_are_told_apart_by_nothing(problem: Problem) -> None:
     assert not any(p.tells for p in ranked)
 
 
+@pytest.mark.slow
 def test_a_law_that_contains_the_other_does_not_hide_what_can_be_told(problem: Problem) -> None:
     """Stribeck's law explains Coulomb's data under any input; the other way round counts."""
     fits = {
@@ -105,6 +108,7 @@ def test_a_law_that_contains_the_other_does_not_hide_what_can_be_told(problem: P
     assert margins["stribeck"] == best.margin > TELLS
 
 
+@pytest.mark.slow
 def test_the_excitation_is_a_record_that_others_can_run(problem: Problem, tmp_path: Path) -> None:
     fits = {
         "damping": explained(problem, "damping", 2800.0),

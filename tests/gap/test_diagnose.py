@@ -73,6 +73,7 @@ def test_coulomb_friction_is_found_where_it_is_and_as_large_as_it_is() -> None:
     assert found.effects[0].status == "confirmed"
 
 
+@pytest.mark.slow
 def test_a_breakaway_that_holds_the_joint_for_most_of_the_time_is_found() -> None:
     held = [simulate(seed=seed, friction=(6.0, 6.0), breakaway=(5.0, 0.1)) for seed in (0, 1)]
     found = diagnose(held[0], nominal(), validate=held[1])

@@ -99,6 +99,7 @@ def test_the_stages_leave_out_what_needs_a_torque_that_is_not_measured(
         _worst(sheet, sheet.file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "structure"),
     [
@@ -125,6 +126,7 @@ def test_what_is_missing_beside_it_is_found(tmp_path: Path) -> None:
     assert found.joint.effects["gravity"] == sheet.file.effects["gravity"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "less", "structure"),
     [

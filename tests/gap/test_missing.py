@@ -136,6 +136,7 @@ def test_a_record_may_begin_in_motion() -> None:
     assert level(found) == pytest.approx(3.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_records_with_zeros_of_their_own_are_explained_together() -> None:
     first, second = (simulate(3.0, seed, (2.0, 2.0)) for seed in (0, 1))
     moved = second.with_columns({"tau": second["tau"] + 0.1})

@@ -28,6 +28,7 @@ def small_and_large() -> tuple[Record, Record, str]:
     return one, two, bench.datasheet()
 
 
+@pytest.mark.slow
 def test_a_gap_that_only_the_validation_record_shows_is_explained(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:

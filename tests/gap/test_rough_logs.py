@@ -77,6 +77,7 @@ def test_single_lost_samples_break_no_record() -> None:
     assert [len(part) for part in stretches([holes])] == [len(whole)]
 
 
+@pytest.mark.slow
 def test_a_motor_stays_warm_over_a_gap() -> None:
     """Derating counts from the beginning of a log, and a cut stretch knows the current before."""
     time, loss, k_t = 3.0, 0.02, TRUE["k_t"] * TRUE["n"]

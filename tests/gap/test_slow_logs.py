@@ -55,6 +55,7 @@ def sheet() -> JointFile:
     return JointFile(bare.replace(**stated), structure="rigid", drive="static")
 
 
+@pytest.mark.slow
 def test_damping_is_no_torque_constant_inertia_or_dead_time() -> None:
     """It is three times what the tolerances of k_t and r make of the back-EMF."""
     damping = 2.0
@@ -89,5 +90,6 @@ def test_without_a_stated_damping_the_back_emf_does_not_tell_the_torque_constant
     assert "torque_constant" not in examine(made, unstated, rigid).can_tell
 
 
+@pytest.mark.slow
 def test_an_exact_joint_has_no_gap() -> None:
     assert diagnose(by_voltage(DAMPING), sheet()).verdict == "no_gap"

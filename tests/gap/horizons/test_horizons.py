@@ -147,6 +147,7 @@ def test_noise_of_the_current_that_nobody_specified_does_not_hide_friction() -> 
     assert 0.6 < 2.0 * numbers["inertia"] < 1.6, "a deaf joint would be several times too heavy"
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_pushed_without_current_tells_its_friction() -> None:
     """Nothing is looked for in shares of the motor's torque, and its constant cannot be told."""
     told = diagnose(record(pushed=True), datasheet(), "rigid")
@@ -249,6 +250,7 @@ def test_a_guess_that_is_far_off_is_corrected_and_not_named() -> None:
     assert found.joint.parameters.I_m == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_value_that_is_further_off_than_its_datasheet_says_is_freed_of_it() -> None:
     found = found_in(case_of(datasheet(1.5, tolerance=0.02)))
     numbers = values_of(found)

@@ -362,6 +362,7 @@ def test_three_periods_of_cogging_are_told_from_friction(arm: JointFile) -> None
     assert seen["coulomb"].values[0] == pytest.approx(0.4, rel=0.25)
 
 
+@pytest.mark.slow
 def test_the_weight_of_a_pendulum_without_a_motor_is_named() -> None:
     t = DT * np.arange(2000)
     swing = solve_ivp(

@@ -46,6 +46,7 @@ def test_a_dead_time_is_that_beyond_a_log_s_own_row() -> None:
     assert delay.value == pytest.approx(4.0 * DT, abs=0.25 * DT)
 
 
+@pytest.mark.slow
 def test_a_log_slower_than_the_drive_shows_a_dead_time_beyond_a_row() -> None:
     """Up to one row of it may be when the rows were written."""
     dead, every = 8, 5
