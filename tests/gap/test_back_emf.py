@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.joint import JointFile
+from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.fit import Fit
+from cjt_gym.gap.horizons.grow import added
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.rows import candidates, scales_of
+from cjt_gym.gap.horizons.spread import _by_resistance
+from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
@@ -46,6 +52,17 @@ def sheet(tolerance: float) -> JointFile:
     return JointFile(bare.replace(**stated), structure="rigid", drive="static")
 
 
+def test_friction_is_no_surer_than_the_resistance() -> None:
+    """Where nothing else states a torque, all of them follow from r: its tolerance is theirs."""
+    for tolerance in (0.05, 0.2):
+        case = make_case([motor()], [], sheet(tolerance), get_structure("rigid"))
+        scales = scales_of(case.joint, case.logs)
+        dry = next(t for t in candidates(case.joint, scales, case.logs) if t.name == "coulomb")
+        fit = Fit(*added(Fit(Model(case.joint, ()), np.zeros(0), 0.0, []), dry, (DRY,)), 0.0, [])
+        (deviation,) = np.sqrt(np.diag(_by_resistance(fit))) * dry.numbers[0].scale
+        assert deviation == pytest.approx(tolerance * DRY)
+
+
 @pytest.mark.slow
 def test_damping_is_told_only_beyond_the_tolerance_of_the_back_emf() -> None:
     """Tolerances of 5 % allow 8e-5 N m s/rad more or less, those of 0.2 % a 25th of that."""
@@ -59,3 +76,8 @@ def test_damping_is_told_only_beyond_the_tolerance_of_the_back_emf() -> None:
     value = told.parameters["d_m"]
     assert value.value == pytest.approx(DAMPING, rel=0.05)
     assert value.low < DAMPING < value.high
+    exact = named["coulomb"].parameters["d_cm"]
+    vague = {e.name: e for e in diagnose(made, sheet(0.05)).effects}["coulomb"].parameters["d_cm"]
+    assert exact.high - exact.low < 0.1 * DRY
+    assert vague.high - vague.low > 2.0 * 1.9 * 0.05 * DRY
+    assert vague.low < DRY < vague.high

@@ -13,6 +13,7 @@ from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.fit import LEAST, Fit, Problem, bounded
 from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.sheet import inertias_at
+from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -21,6 +22,10 @@ INTERVAL = 0.95
 BENT = 0.05
 """Difference between the slopes to either side, relative to the larger or the usual one, from
 which a window jumps. Of smooth ones most differ by 0.002."""
+SCALED = frozenset({"N m", "N m s/rad", "N m/rad", "N m/rad^3", "kg m^2"})
+"""Units of the numbers that are in proportion to the torque of a motor."""
+USUAL = 0.1
+"""Relative tolerance of a resistance that states none: copper warms by 25 K for a tenth."""
 KEPT = 0.2
 """Share of the windows, the least bent ones, that determine values even if all of them jump."""
 
@@ -95,7 +100,31 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     middle = scores.T @ scores * count / max(count - 1, 1) + known
     inverse = np.linalg.pinv(hessian)
     factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
-    return Spread(fit, inverse @ middle @ inverse, factor)
+    matrix = inverse @ middle @ inverse
+    if any(log.voltage for log in problem.windows.logs):
+        matrix += _by_resistance(fit)
+    return Spread(fit, matrix, factor)
+
+
+def _by_resistance(fit: Fit) -> Floats:
+    """Return the covariance that the tolerance of the resistance adds.
+
+    A voltage v = r / (k_t n) torque + k_t n speed leaves open how large r is if all torques, and
+    with them inertia, friction and weight, are smaller in proportion. Only their own tolerances
+    limit that.
+    """
+    joint, numbers = fit.model.joint, fit.model.numbers
+    if "r" not in joint.parameters:
+        return np.zeros((len(numbers), len(numbers)))
+    way = np.zeros(len(numbers))
+    for index, term in enumerate(fit.model.terms):
+        for at, number in enumerate(term.numbers, fit.model.span(index).start):
+            if term.name == "inertia" or number.unit in SCALED:
+                own = 1.0 if number.log else number.value(float(fit.z[at]))
+                way[at] = own / number.scale
+    known = sum(x**2 for x, number in zip(way, numbers, strict=True) if number.prior)
+    tolerance = min(tolerance_of(joint.file, "r", USUAL), GUESSED)
+    return np.asarray(np.outer(way, way) / (tolerance**-2 + known))
 
 
 def _slopes(problem: Problem, fit: Fit) -> list[Floats]:
