@@ -11,7 +11,7 @@ from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.spread import _by_resistance
+from cjt_gym.gap.horizons.spread import _of_scale
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity
@@ -59,7 +59,7 @@ def test_friction_is_no_surer_than_the_resistance() -> None:
         scales = scales_of(case.joint, case.logs)
         dry = next(t for t in candidates(case.joint, scales, case.logs) if t.name == "coulomb")
         fit = Fit(*added(Fit(Model(case.joint, ()), np.zeros(0), 0.0, []), dry, (DRY,)), 0.0, [])
-        (deviation,) = np.sqrt(np.diag(_by_resistance(fit))) * dry.numbers[0].scale
+        (deviation,) = np.sqrt(np.diag(_of_scale(fit, voltage=True))) * dry.numbers[0].scale
         assert deviation == pytest.approx(tolerance * DRY)
 
 

@@ -154,6 +154,8 @@ def test_numbers_are_short_and_honest() -> None:
     assert percent(0.3141) == "31\N{NO-BREAK SPACE}%"
     assert percent(0.0046) == "0.46\N{NO-BREAK SPACE}%"
     assert interval(Interval(2.6123, 2.51, 2.72, "-")) == "2.61 (2.51 … 2.72)"
+    at_an_end = Interval(20.0 - 4e-15, 1.0, 20.0, "-")
+    assert interval(at_an_end) == "20 (1 … 20)"
     assert interval(Interval(18.3, 1.95, 12170.0, "-")) == "18 (2 … 12000)"  # a scale over decades
 
 

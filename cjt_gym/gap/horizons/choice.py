@@ -43,9 +43,10 @@ def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) 
         joints = {n: joint for n, joint in joints.items() if n != "stages"}
         sound = [n for n in sound if n != "stages"]
     vague = has_vague_friction(case.joint)
+    staged = "stages" in joints and case.cut and sound_stages(case, joints) == "stages"
     for name in (n for n in (("found", "base", "stages") if vague else ORDER) if n in joints):
         others = [costs[n] for n in sound if n != name]
-        cut = name == "stages" and case.cut
+        cut = name == "stages" and staged
         if cut and "found" in sound and _loses(case, enough, errors["stages"], errors["found"]):
             continue
         sharper = cut and not _is_own(joints.get("found"), case.joint)
@@ -80,7 +81,8 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
 
 def sound_stages(case: Case, joints: dict[str, Joint]) -> str:
     """Return "stages" unless datasheet or least squares predict a cut joint clearly better."""
-    errors = {name: relative(case.test, case.test.errors(joint)) for name, joint in joints.items()}
+    names = {"datasheet", "least squares", "stages"} & joints.keys()
+    errors = {name: relative(case.test, case.test.errors(joints[name])) for name in names}
     kinds = [k for k in (("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)) if k in errors["stages"]]
     known = {name: [max(one[k], TRIVIAL) for k in kinds] for name, one in errors.items()}
     own, others = known.pop("stages"), min(known, key=lambda name: float(np.prod(known[name])))

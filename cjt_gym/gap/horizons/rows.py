@@ -333,6 +333,8 @@ def gravity(joint: Joint, scales: Scales) -> Term:
 
 def _torque_sensor(logs: Sequence[Log]) -> list[Term]:
     spread = max(float(np.std(log.measured["tau"])) for log in logs if "tau" in log.measured)
+    if spread <= 0.0:  # a sensor that is not connected
+        return []
     gain = Free("gain", "-", 1.0, 0.05, True, 0.2, 5.0)
     bias = Free("bias", "N m", 0.0, 0.05 * spread)
     dt = logs[0].dt

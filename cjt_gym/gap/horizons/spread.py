@@ -13,7 +13,7 @@ from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.fit import LEAST, Fit, Problem, bounded
 from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.sheet import inertias_at
-from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
+from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -100,31 +100,39 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     middle = scores.T @ scores * count / max(count - 1, 1) + known
     inverse = np.linalg.pinv(hessian)
     factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
-    matrix = inverse @ middle @ inverse
-    if any(log.voltage for log in problem.windows.logs):
-        matrix += _by_resistance(fit)
-    return Spread(fit, matrix, factor)
+    voltage = any(log.voltage for log in problem.windows.logs)
+    return Spread(fit, inverse @ middle @ inverse + _of_scale(fit, voltage=voltage), factor)
 
 
-def _by_resistance(fit: Fit) -> Floats:
-    """Return the covariance that the tolerance of the resistance adds.
+def _of_scale(fit: Fit, *, voltage: bool) -> Floats:
+    """Return the covariance that all torques add that may be larger in one ratio.
 
-    A voltage v = r / (k_t n) torque + k_t n speed leaves open how large r is if all torques, and
-    with them inertia, friction and weight, are smaller in proportion. Only their own tolerances
-    limit that.
+    A voltage v = r / (k_t n) torque + k_t n speed leaves open how large r is if inertia, friction
+    and weight are smaller in proportion; so does a current with its torque constant. Only
+    tolerances limit that, among them that of a listed weight, which a fit without it takes as
+    given.
     """
-    joint, numbers = fit.model.joint, fit.model.numbers
-    if "r" not in joint.parameters:
-        return np.zeros((len(numbers), len(numbers)))
+    model, numbers = fit.model, fit.model.numbers
+    own = {term.name for term in model.terms}
+    weight = None if "gravity" in own else stated(model.joint.file, "gravity", "torque")
+    listed = weight is not None and "gravity" in model.joint.effects
+    weighed = (weight.tolerance or USUAL) ** -2 if weight is not None and listed else 0.0
+    known = 0.0
+    if voltage and "r" in model.joint.parameters:
+        known = weighed + min(tolerance_of(model.joint.file, "r", USUAL), GUESSED) ** -2
+    elif not voltage and "torque_constant" in own:
+        known = weighed
     way = np.zeros(len(numbers))
-    for index, term in enumerate(fit.model.terms):
-        for at, number in enumerate(term.numbers, fit.model.span(index).start):
-            if term.name == "inertia" or number.unit in SCALED:
-                own = 1.0 if number.log else number.value(float(fit.z[at]))
-                way[at] = own / number.scale
-    known = sum(x**2 for x, number in zip(way, numbers, strict=True) if number.prior)
-    tolerance = min(tolerance_of(joint.file, "r", USUAL), GUESSED)
-    return np.asarray(np.outer(way, way) / (tolerance**-2 + known))
+    for index, term in enumerate(model.terms):
+        for at, number in enumerate(term.numbers, model.span(index).start):
+            scales = term.name == "inertia" or number.unit in SCALED
+            if scales or (not voltage and term.name == "torque_constant"):
+                value = 1.0 if number.log else number.value(float(fit.z[at]))
+                way[at] = value / number.scale
+    if known <= 0.0:
+        return np.zeros((len(numbers), len(numbers)))
+    known += sum(x**2 for x, number in zip(way, numbers, strict=True) if number.prior)
+    return np.asarray(np.outer(way, way) / known)
 
 
 def _slopes(problem: Problem, fit: Fit) -> list[Floats]:

@@ -65,6 +65,8 @@ OPEN, AGAIN = 0.1, 3.0
 """Replay error, and its ratio to the noise floor, above which an explained joint needs a remark."""
 DOUBTED = 0.3
 """Confidence of the surest name below which names are only a guess."""
+AT_THE_END = 1e-4
+"""Distance from an end of an interval, relative to its width, up to which a value is there."""
 MINUS = "\N{MINUS SIGN}"
 SPACE = "\N{NO-BREAK SPACE}"
 CONCENTRATED = 0.5
@@ -102,8 +104,8 @@ def interval(p: Interval) -> str:
     width = p.high - p.low
     if width <= 0.0 or max(abs(p.low), abs(p.high)) < 1e-3:
         return f"{quantity(p.value, p.unit)} ({number(p.low)} … {number(p.high)})"
-    digits = [_decimals(2.0 * away) for away in (p.value - p.low, p.high - p.value)]
-    below, above = (_decimals(width) if known is None else known for known in digits)
+    ends = (2.0 * away for away in (p.value - p.low, p.high - p.value))
+    below, above = (_decimals(away if away > AT_THE_END * width else width) for away in ends)
     value, low, high = (
         f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", MINUS)
         for x, decimals in ((p.value, max(below, above)), (p.low, below), (p.high, above))
@@ -112,9 +114,9 @@ def interval(p: Interval) -> str:
     return f"{value}{unit} ({low} … {high})"
 
 
-def _decimals(width: float) -> int | None:
-    """Return to how many decimals a number is certain within a width; None for no width."""
-    return 1 - math.floor(math.log10(width)) if width > 0.0 else None
+def _decimals(width: float) -> int:
+    """Return to how many decimals a number is certain within a width."""
+    return 1 - math.floor(math.log10(width))
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
@@ -236,6 +238,9 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         fall = (
             f", so that the replay error falls from {percent(gap.before)} to {percent(gap.after)}"
         )
+        if not moving:
+            names = names.removesuffix(",")
+            return f"{lies}; no effect of the table explains it, and the joint file lacks {names}."
         rest = f"something in the {left.stage} stage stays unexplained"
         return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
     if not moving:

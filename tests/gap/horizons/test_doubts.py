@@ -15,7 +15,7 @@ from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.case import Case, make_case
-from cjt_gym.gap.horizons.choice import _loses, sound_stages
+from cjt_gym.gap.horizons.choice import _loses, best_of, sound_stages
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added
@@ -26,7 +26,7 @@ from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.nameable import is_named, may_be_as_stated
 from cjt_gym.gap.horizons.named import _is_dry
 from cjt_gym.gap.horizons.predictable import Predictable
-from cjt_gym.gap.horizons.rows import candidates, scales_of
+from cjt_gym.gap.horizons.rows import _torque_sensor, candidates, scales_of
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread
@@ -168,7 +168,9 @@ def test_stages_give_way_to_a_search_that_predicts_a_held_output_better(case: Ca
     assert not _loses(held, NEAR, [own, short], [other, short]), "pieces of a tenth may drift"
 
 
-def test_stages_give_way_to_a_regression_that_predicts_clearly_better(case: Case) -> None:
+def test_stages_give_way_to_a_regression_that_predicts_clearly_better(
+    case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The datasheet of this rotor states twice its inertia and no friction."""
     dry = {"d_cm": DRY, "d_cg": 0.0, "d_cl": 0.0, "dq_0": 0.0}
     right = Joint(datasheet(1.0), "rigid", "current", {"coulomb": dry})
@@ -176,6 +178,19 @@ def test_stages_give_way_to_a_regression_that_predicts_clearly_better(case: Case
     assert sound_stages(case, joints) == "least squares"
     assert sound_stages(case, joints | {"stages": right}) == "stages"
     assert sound_stages(case, {"datasheet": right, "stages": case.joint}) == "datasheet"
+    monkeypatch.setattr(Case, "cut", True)  # not even stages that the spring separates stand
+    assert best_of(case, Problem(case.test), joints, NEAR) == "least squares"
+    assert best_of(case, Problem(case.test), joints | {"stages": right}, NEAR) == "stages"
+
+
+def test_a_torque_sensor_that_never_changes_has_no_fault_to_look_for(case: Case) -> None:
+    (log,) = case.logs
+    names = []
+    for tau in (np.full(len(log.command), 1.2), np.sin(np.arange(len(log.command)))):
+        logs = [replace(log, measured={**log.measured, "tau": tau})]
+        names.append({t.name for t in candidates(case.joint, scales_of(case.joint, logs), logs)})
+    assert "torque_bias" in {t.name for t in _torque_sensor(logs)}
+    assert not {"torque_bias", "torque_gain"} & names[0]
 
 
 @pytest.mark.parametrize(("further", "open_"), [(0.02, False), (0.05, True)])

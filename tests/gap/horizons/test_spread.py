@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.base_rows import base_terms
 from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.fit import Problem
+from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.grow import added
-from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.spread import BENT, KEPT, counted, spread_of
-from cjt_gym.joint import get_structure
+from cjt_gym.gap.horizons.spread import BENT, KEPT, _of_scale, counted, spread_of
+from cjt_gym.joint import Joint, get_structure
 from cjt_gym.joint.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
 
@@ -44,6 +46,23 @@ def test_the_motion_of_a_joint_that_sticks_does_not_tell_its_torque_constant() -
     expected = found.factor * TOLERANCE / np.sqrt(2.0)
     assert 0.5 * expected < constant_half < 1.5 * expected
     assert 0.5 * expected < dry_half < 1.5 * expected
+
+
+def test_the_tolerance_of_a_listed_weight_is_one_of_all_torques() -> None:
+    """A fit takes the weight as given, and with it the torque constant."""
+    sheet = datasheet(1.0)
+    sizes = []
+    for weight in (None, 0.05, 0.2):
+        entry = Quantity(0.3, "N m", "test", weight)
+        file = sheet if weight is None else replace(sheet, effects={"gravity": {"torque": entry}})
+        joint = Joint(file, "rigid", "current", {"gravity": {"torque": 0.3, "angle": 0.0}})
+        joint = joint if weight else Joint(file, "rigid", "current", {})
+        constant = Number("k_t", "N m/A", 1.0, 0.1, True)
+        term = Term("torque_constant", (constant,), lambda draft, values: None, nominal=(1.0,))
+        fit = Fit(Model(joint, (term,)), np.zeros(1), 0.0, [])
+        sizes.append(0.1 * float(np.sqrt(_of_scale(fit, voltage=False)[0, 0])))
+    both = [1.0 / np.sqrt(w**-2 + 0.1**-2) for w in (0.05, 0.2)]  # that of the constant, too
+    assert sizes == pytest.approx([0.0, *both])
 
 
 def test_values_are_not_exact_where_every_window_jumps() -> None:
