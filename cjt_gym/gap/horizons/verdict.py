@@ -12,7 +12,6 @@ from cjt_gym.gap.diagnosis import (
     StageGap,
     Unexplained,
 )
-from cjt_gym.gap.digits import plain
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.refined import imposed, refined
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped
@@ -213,4 +212,4 @@ def _regressed(joint: Joint, words: str, effect: str, symbol: str) -> str:
     parameter = EFFECTS[effect].parameter(symbol)
     assert parameter is not None
     unit = unit_on(parameter, joint.parameters)
-    return f"{words} ({plain(joint.effects[effect][symbol])} {unit})"
+    return f"{words} ({joint.effects[effect][symbol]:.3g} {unit})"
