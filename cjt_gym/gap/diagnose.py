@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap.by_stages import Ask, by_stages
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, SCALES, SLOPES, UNITS
+from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, REFLECTED, SCALES, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
 from cjt_gym.gap.horizons.allowed import allowed_by
@@ -184,7 +184,7 @@ def remarked(
             "Something other than the motor moves the joint as well, and no model of the joint "
             "predicts that: see the faults of the log."
         )
-    if {FACTOR, LIMITS, SCALES, SLOPES, UNITS} & advice:
+    if {FACTOR, LIMITS, REFLECTED, SCALES, SLOPES, UNITS} & advice:
         remarks.append(
             "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "
             "the faults of the log before you rely on the rest."

@@ -27,12 +27,27 @@ JITTER = 0.2
 
 
 def clock(records: Sequence[Record]) -> list[str]:
-    """Return sentences on the sampling times of records."""
-    found: dict[str, None] = {}
-    for record in records:
-        if len(record) > 10:
-            found |= dict.fromkeys(_sentences(np.diff(record.t)))
+    """Return sentences on the sampling times of records, but for gaps."""
+    return list(dict.fromkeys(said for steps in _steps(records) for said in _uneven(steps)))
+
+
+def gaps(records: Sequence[Record]) -> list[str]:
+    """Return sentences on the gaps of records."""
+    found = {}
+    for steps in _steps(records):
+        long = steps[steps > gap_length(steps)]
+        if long.size:
+            said = (
+                f"The log has {counted(int(long.size), 'gap')} of up to {1e3 * long.max():.3g} ms, "
+                f"where its samples are {1e3 * np.median(steps):.3g} ms apart."
+            )
+            found[said] = None
     return list(found)
+
+
+def _steps(records: Sequence[Record]) -> list[Floats]:
+    """Return the times between the samples of records that are long enough."""
+    return [np.diff(record.t) for record in records if len(record) > 10]
 
 
 def gap_length(steps: Floats) -> float:
@@ -47,14 +62,8 @@ def even(steps: Floats) -> bool:
     return bool(high < (1.0 + JITTER) * low)
 
 
-def _sentences(steps: Floats) -> list[str]:
+def _uneven(steps: Floats) -> list[str]:
     dt, found = float(np.median(steps)), []
-    long = steps[steps > gap_length(steps)]
-    if long.size:
-        found.append(
-            f"The log has {counted(int(long.size), 'gap')} of up to {1e3 * long.max():.3g} ms, "
-            f"where its samples are {1e3 * dt:.3g} ms apart."
-        )
     if (kinds := _kinds(steps)) is not None:
         short, slow, share = kinds
         found.append(

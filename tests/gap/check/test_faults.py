@@ -12,10 +12,11 @@ import pytest
 
 from cjt_gym import load_joint
 from cjt_gym.gap.check import examine
+from cjt_gym.gap.check.faults import REFLECTED
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import read_record
-from tests.gap.check.moved import QUICK, Floats, columns, joint, record
+from tests.gap.check.moved import INERTIA, K_T, QUICK, Floats, columns, joint, record
 from tests.gap.simulator import nominal, simulate
 
 Table = dict[str, Floats]
@@ -360,3 +361,18 @@ def test_a_current_that_is_limited_has_no_other_scale(most: float) -> None:
     table = columns()
     limited = table | {"i": np.clip(table["i"], -most, most)}
     assert not any(" times i_cmd" in fault for fault in faults(limited))
+
+
+@pytest.mark.parametrize(("times", "told"), [(1.0, False), (1.0 / 2500.0, True), (0.1, False)])
+def test_an_inertia_of_the_rotor_without_the_square_of_the_ratio_is_told(
+    times: float, told: bool
+) -> None:
+    geared = joint(n=50.0, k_t=K_T / 50.0, I_m=times * INERTIA)
+    exam = examine(record(columns(QUICK)), geared, None)
+    assert any("lacked the factor n^2 = 2500" in fault for fault in exam.faults) == told
+    assert (REFLECTED in exam.advice) == told
+
+
+def test_a_gap_asks_for_a_log_without_gaps_alone() -> None:
+    advice = examine(record(with_gap(columns())), joint(), None).advice
+    assert [said for said in advice if said.startswith("Log ")] == ["Log without gaps."]
