@@ -33,7 +33,7 @@ def clock(records: Sequence[Record]) -> list[str]:
 
 def gaps(records: Sequence[Record]) -> list[str]:
     """Return sentences on the gaps of records."""
-    found = {}
+    found: dict[str, None] = {}
     for steps in _steps(records):
         long = steps[steps > gap_length(steps)]
         if long.size:
