@@ -16,7 +16,7 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.check.faults import UNITS
 from cjt_gym.gap.diagnose import remarked
-from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.recorded.setting import make_setting
@@ -157,6 +157,17 @@ def test_numbers_are_short_and_honest() -> None:
     at_an_end = Interval(20.0 - 4e-15, 1.0, 20.0, "-")
     assert interval(at_an_end) == "20 (1 … 20)"
     assert interval(Interval(18.3, 1.95, 12170.0, "-")) == "18 (2 … 12000)"  # a scale over decades
+
+
+def test_noise_is_told_beside_a_gap_and_not_as_its_cause(explained: Diagnosis) -> None:
+    size = {"noise": Interval(0.03, 0.02, 0.04, "A")}
+    noise = NamedEffect("noise", "sensing", None, "i", size, "confirmed", 0.9, 0.1)
+    noisy = replace(explained, effects=(noise,))
+    assert "apart from that only sensors differ: noise above" in verdict_sentence(noisy)
+    open_ = replace(explained.unexplained, stage="load")
+    text = verdict_sentence(replace(noisy, verdict="partly_explained", unexplained=open_))
+    assert "no effect of the table explains it; sensors differ as well: noise above" in text
+    assert "part of it" not in text
 
 
 def test_the_verdict_is_one_sentence(explained: Diagnosis) -> None:

@@ -173,9 +173,8 @@ def _in_words(judged: Judgement, term: Term, value: float, nominal: float) -> st
     if term.name == "inertia":  # of all bodies that move as one with the rotor
         parts = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
         symbol = " + ".join(s for s in parts if joint.parameters.get(s, 0.0) > 0.0) or symbol
-    return f"{term.name} {symbol} {plain(value)} {unit} for {plain(nominal)}".replace(
-        " - for", " for"
-    )
+    size = plain(value) if unit == "-" else f"{plain(value)} {unit}"
+    return f"{term.name} {symbol} {size} for {plain(nominal)}"
 
 
 def _is_unlisted(judged: Judgement, term: Term) -> bool:

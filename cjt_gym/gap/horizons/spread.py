@@ -100,12 +100,14 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     middle = scores.T @ scores * count / max(count - 1, 1) + known
     inverse = np.linalg.pinv(hessian)
     factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
-    voltage = any(log.voltage for log in problem.windows.logs)
-    return Spread(fit, inverse @ middle @ inverse + _of_scale(fit, voltage=voltage), factor)
+    matrix, logs = inverse @ middle @ inverse, problem.windows.logs
+    if not any("tau" in log.measured or np.any(log.load) for log in logs):
+        matrix += _of_scale(fit, voltage=logs[0].voltage)
+    return Spread(fit, matrix, factor)
 
 
 def _of_scale(fit: Fit, *, voltage: bool) -> Floats:
-    """Return the covariance that all torques add that may be larger in one ratio.
+    """Return the covariance that one common ratio of all torques adds where none is measured.
 
     A voltage v = r / (k_t n) torque + k_t n speed leaves open how large r is if inertia, friction
     and weight are smaller in proportion; so does a current with its torque constant. Only

@@ -240,7 +240,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         )
         if not moving:
             names = names.removesuffix(",")
-            return f"{lies}; no effect of the table explains it, and the joint file lacks {names}."
+            return f"{lies}; no effect of the table explains it; sensors differ as well: {names}."
         rest = f"something in the {left.stage} stage stays unexplained"
         return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
     if not moving:
@@ -249,8 +249,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             return f"{lies}: {names}."
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         return (
-            f"Values refined within their tolerances take the replay error from {change}; beside "
-            f"them the joint file lacks {names}."
+            f"Values refined within their tolerances take the replay error from {change}; apart "
+            f"from that only sensors differ: {names}."
         )
     text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
     if gap.after > max(OPEN, AGAIN * gap.floor):
