@@ -196,7 +196,7 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     if others:
         lines.append(f"Named, but not in here: {', '.join(others)}.")
     if diagnosis.unexplained.stage is not None:
-        lines.append(f"Not in here: {diagnosis.unexplained.text}")
+        lines.append(f"Remarks: {diagnosis.unexplained.text}")
     return "".join(f"# {line}\n" for line in lines) + to_toml(joint)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cjt_gym.gap.digits import plain
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 from cjt_gym.records.repair_notes import counted
@@ -37,9 +38,10 @@ def gaps(records: Sequence[Record]) -> list[str]:
     for steps in _steps(records):
         long = steps[steps > gap_length(steps)]
         if long.size:
+            longest, usual = plain(1e3 * long.max()), plain(1e3 * np.median(steps))
             said = (
-                f"The log has {counted(int(long.size), 'gap')} of up to {1e3 * long.max():.3g} ms, "
-                f"where its samples are {1e3 * np.median(steps):.3g} ms apart."
+                f"The log has {counted(int(long.size), 'gap')} of up to {longest} ms, where its "
+                f"samples are {usual} ms apart."
             )
             found[said] = None
     return list(found)

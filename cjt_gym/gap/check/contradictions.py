@@ -123,9 +123,10 @@ def torques(view: View) -> list[str]:
     ends = sorted((abs(least), abs(1.0 / most)))
     if ends[0] < TORQUES and ends[1] > 1.0 / TORQUES:
         return []
+    factors = dict.fromkeys(plain(end, 2) for end in ends)
     return [
-        f"Apart from inertia and friction, tau changes {ends[0]:.2g} to {ends[1]:.2g} times as "
-        "much as the motor's torque does by the joint file: k_t, n or the scale of tau is wrong."
+        f"Apart from inertia and friction, tau changes {' to '.join(factors)} times as much as the "
+        "motor's torque does by the joint file: k_t, n or the scale of tau is wrong."
     ]
 
 

@@ -6,14 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
 
-import numpy as np
-
 from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.digits import plain
 
 TORQUE = 0.3
 """Upper limit on the smallest identifiable torque, relative to the driving torque."""
+ABSURD = 1e9
+"""Size, in the units of an effect, from which on it would be visible at none: an input that hardly
+changes divides by next to nothing."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def only_from(size: float, unit: str) -> str:
         >>> only_from(0.123, "N m"), only_from(0.5, "-")
         ('it would be visible only from 0.12 N m', 'it would be visible only from 50 %')
     """
-    if not np.isfinite(size):
+    if not size < ABSURD:
         return "it would not be visible at any size"
     return f"it would be visible only from {sized(size, unit)}"
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, OTHERS, SLOPES
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, OTHERS, SCALES, SLOPES
 from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
 from cjt_gym.gap.horizons.inverse import DRAGS, ONE_WAY
 from cjt_gym.gap.horizons.model import MEASURES
@@ -18,9 +18,12 @@ UNSOUND = {
     ONE_INSTANT: "channels of one row belong to different instants",
     SLOPES: "a velocity contradicts its angle, or the clock is wrong",
     FACTOR: "a channel seems to have another unit or side",
+    SCALES: "a torque seems to have another unit, scale or side",
     OTHERS: "something other than the motor moves the joint as well",
 }
 """Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
+DISTORTED = frozenset({FACTOR, SCALES})
+"""Those beside which none of the sensors are either: noise and steps have the wrong unit, too."""
 VAGUELY, OUT_OF_STEP = 0.1, 1.0
 """Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat, and
 in cycles over all that the joint turned, above which its ends are out of step. That of cogging on
@@ -39,7 +42,8 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor Stribeck friction of which none may be left at
     speed, nor a torque over the angle whose frequency stays open, nor friction as asymmetric whose
-    two directions hardly differ. Beside the faults of `UNSOUND` only effects of the sensors are.
+    two directions hardly differ. Beside the faults of `UNSOUND` only effects of the sensors are,
+    beside those of `DISTORTED` none.
     """
     advice = () if first.examination is None else first.examination.advice
     why = dict.fromkeys(excluded, "check says that this record cannot tell it")
@@ -56,8 +60,10 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
         open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
     open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
     effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
-    for said in (said for fault, said in UNSOUND.items() if fault in advice):
-        effects = tuple(e if e.name in MEASURES else e.doubted(said) for e in effects)
+    for fault, said in UNSOUND.items():
+        if fault in advice:
+            spared = () if fault in DISTORTED else MEASURES
+            effects = tuple(e if e.name in spared else e.doubted(said) for e in effects)
     return replace(first, effects=effects)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SLOPES
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SCALES, SLOPES
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.allowed import allowed_by
 from cjt_gym.gap.horizons.named import _as_plain
@@ -23,11 +23,27 @@ def told() -> Diagnosis:
 def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diagnosis) -> None:
     sure = tuple(replace(e, status="confirmed") for e in told.effects)
     assert told.examination is not None
-    doubts = ((ONE_INSTANT,), (SLOPES,), (FACTOR,))
+    doubts = ((ONE_INSTANT,), (SLOPES,), (FACTOR,), (SCALES,))
     for advice, status in (((), "confirmed"), *((one, "tentative") for one in doubts)):
         exam = replace(told.examination, advice=advice)
         found = allowed_by(replace(told, effects=sure, examination=exam), {})
         assert {e.status for e in found.effects} == {status}
+
+
+@pytest.mark.parametrize(
+    ("fault", "status"), [(SLOPES, "confirmed"), (FACTOR, "tentative"), (SCALES, "tentative")]
+)
+def test_beside_a_wrong_unit_no_steps_are_confirmed(
+    told: Diagnosis, fault: str, status: str
+) -> None:
+    steps = {"resolution": Interval(1.0, 1.0, 1.0, "N m")}
+    effect = NamedEffect(
+        "quantization", "sensor", "tau", "tau", steps, "confirmed", 0.9, 0.2, (), 1.0
+    )  # fmt: skip
+    assert told.examination is not None
+    exam = replace(told.examination, advice=(fault,))
+    (found,) = allowed_by(replace(told, effects=(effect,), examination=exam), {}).effects
+    assert found.status == status
 
 
 def test_dry_friction_is_not_confirmed_where_viscous_friction_cannot_be_told(
