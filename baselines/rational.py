@@ -9,7 +9,6 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eigvals, matrix_balance
-from scipy.signal import bilinear_zpk, butter, cont2discrete, zpk2sos, zpk2ss
 
 from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.pbh import root_text
@@ -70,6 +69,8 @@ def transfer_function(a: Floats, b: Floats, c: Floats, d: float = 0.0) -> Ration
 @lru_cache(maxsize=512)
 def low_pass(order: int, cutoff_hz: float) -> Rational:
     """Return the Butterworth low pass with unit gain at rest."""
+    from scipy.signal import butter  # takes long to import
+
     z, p, k = butter(order, 2.0 * math.pi * cutoff_hz, analog=True, output="zpk")
     return Rational(np.asarray(z, complex), np.asarray(p, complex), float(np.real(k)))
 
@@ -106,6 +107,8 @@ def zeros_text(zeros: Sequence[complex]) -> str:
 
 def tustin(system: Rational, dt: float) -> StateSpace:
     """Return its bilinear discretisation as a state space, in sections of second order."""
+    from scipy.signal import bilinear_zpk, zpk2sos  # takes long to import
+
     z, p, k = bilinear_zpk(system.zeros, system.poles, system.gain, 1.0 / dt)
     sections = [_section(row) for row in zpk2sos(z, p, k)]
     whole = sections[0]
@@ -120,6 +123,8 @@ def held_low_pass(order: int, cutoff_hz: float, dt: float) -> StateSpace:
 
     It has no feed-through and unit gain at rest.
     """
+    from scipy.signal import butter, cont2discrete, zpk2ss  # takes long to import
+
     z, p, k = butter(order, 1.0, analog=True, output="zpk")  # time in units of the cut-off
     a, b, c, _, _ = cont2discrete(zpk2ss(z, p, k), 2.0 * math.pi * cutoff_hz * dt)
     return np.asarray(a), np.asarray(b)[:, 0], np.asarray(c)[0], 0.0

@@ -15,7 +15,6 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
-from scipy.signal import place_poles
 
 from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import Block, signals, static, through
@@ -76,6 +75,8 @@ def placed_feedback(model: SampledJoint, poles: Sequence[complex]) -> Feedback:
 
     The poles that the delay adds stay at z = 0.
     """
+    from scipy.signal import place_poles  # takes long to import
+
     check_torque_controllable(model)
     plant, delay = model.mechanics, model.loop.delay
     wanted = np.exp(np.asarray(poles, dtype=np.complex128) * model.dt)

@@ -23,7 +23,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import matrix_balance
 from scipy.optimize import linear_sum_assignment
-from scipy.signal import place_poles
 
 from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
@@ -79,6 +78,8 @@ def place_observer(model: DesignModel, poles: Sequence[complex]) -> LinearObserv
 
 def _gain(model: DesignModel, wanted: Complex) -> Floats:
     """Return the gain m, shape (order, outputs), for poles in the z plane."""
+    from scipy.signal import place_poles  # takes long to import
+
     _, (scale, _) = matrix_balance(model.a, permute=False, separate=True)
     a, c = model.a * scale / scale[:, None], model.c * scale / model.noise[:, None]
     axes, sizes, _ = np.linalg.svd(c, full_matrices=False)

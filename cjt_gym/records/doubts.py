@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from math import pi
 
 import numpy as np
-from scipy.signal import correlate
 
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.repair_notes import Repair, share
@@ -174,6 +173,8 @@ def _filled(x: FloatArray) -> FloatArray | None:
 
 def _lag(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Return by how many samples y follows x, and how alike they then are, -1 to 1."""
+    from scipy.signal import correlate  # takes long to import
+
     x, y = x - x.mean(), y - y.mean()
     lags = np.arange(-MOST_LATE, MOST_LATE + 1)
     cross = correlate(y, x, method="fft")[len(x) - 1 + lags]

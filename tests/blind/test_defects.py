@@ -164,6 +164,7 @@ def test_defects_leave_joint_and_effects_alone() -> None:
     assert rough.label["parameters"] == plain.label["parameters"]
 
 
+@pytest.mark.slow
 def test_what_is_not_recorded_or_only_guessed_is_harder_to_see() -> None:
     def seen(effect: str, *defects: str) -> float:
         return float(case(*defects, effect=effect, seed=5).label["signature"][effect.split(":")[0]])

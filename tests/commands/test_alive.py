@@ -149,6 +149,7 @@ def test_a_misspelt_name_is_refused_with_a_suggestion(
     assert f"'{told}'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_train_checks_its_words_before_it_loads_torch() -> None:
     program = (
         "import sys; from cjt_gym.cli import main; status = main(sys.argv[1:]);"

@@ -160,6 +160,7 @@ def test_a_short_training_comes_near_the_current_controller() -> None:
     assert sum(gained) / 4 > 900.0
 
 
+@pytest.mark.slow
 def test_a_policy_trains_on_voltage_drives() -> None:
     """Both loops: the torque with the current controller inside, and the voltages themselves."""
     outer = TorqueTrackingVecEnv(2, drive="dq", effects=["coulomb"], episode_steps=50)

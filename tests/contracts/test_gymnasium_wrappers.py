@@ -164,6 +164,7 @@ def test_another_mode_is_refused() -> None:
         make("nextstep")
 
 
+@pytest.mark.slow
 def test_videos_are_recorded(tmp_path: Path) -> None:
     pytest.importorskip("moviepy")
     single = gym.make("CJT/TorqueTracking-v0", render_mode="rgb_array", episode_steps=3)

@@ -268,6 +268,7 @@ def variations(draw: st.DrawFn) -> dict[str, Any]:
     return spec
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.dictionaries(st.sampled_from(NAMES), variations(), max_size=4), st.integers(0, 2**40))
 def test_values_never_leave_their_domain(spec: dict[str, Any], seed: int) -> None:

@@ -70,6 +70,7 @@ def test_an_example_of_a_page_runs(
     assert re.match(PRINTED[name], capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_an_identified_joint_does_what_its_page_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -61,6 +61,7 @@ def test_mujoco(case: str) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Glyph")
 def test_sheets(tmp_path: Path) -> None:
     name = 'a_$\\frac$ $ #read("/x") <script>alert(1)</script> \x1b \U0001f600 \\'

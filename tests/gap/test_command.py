@@ -73,6 +73,7 @@ def test_an_excitation_of_an_earlier_diagnosis_is_removed(
     assert (tmp_path / "mine.txt").exists()
 
 
+@pytest.mark.slow
 def test_without_json_it_prints_a_summary_and_the_files(
     folder: Path,
     tmp_path: Path,
@@ -131,6 +132,7 @@ def test_a_known_controller_is_enough_for_a_replay_in_the_loop(
     assert json.loads(diagnosed(words, capsys)[1])["closed_loop"] is None
 
 
+@pytest.mark.slow
 def test_an_angle_that_was_not_recorded_is_said_to_be_derived(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

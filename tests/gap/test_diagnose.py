@@ -85,6 +85,7 @@ def test_a_breakaway_that_holds_the_joint_for_most_of_the_time_is_found() -> Non
     assert numbers["d_sm"].low <= 5.0 <= numbers["d_sm"].high
 
 
+@pytest.mark.slow
 def test_the_direction_of_unequal_friction_is_right() -> None:
     found = diagnose(simulate(friction=(2.5, 1.0)), nominal())
     assert names(found)[0] == "coulomb_asym"
@@ -92,6 +93,7 @@ def test_the_direction_of_unequal_friction_is_right() -> None:
     assert found.effects[0].parameters["d_cm_n"].value == pytest.approx(1.0, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_torque_constant_outside_its_tolerance_is_named() -> None:
     found = diagnose(simulate(), nominal(k_t=1.2))
     assert names(found) == ["torque_constant"]
@@ -119,6 +121,7 @@ def test_a_gain_of_the_torque_sensor_is_one_cause_not_three() -> None:
     assert names(found) == ["torque_gain"]
 
 
+@pytest.mark.slow
 def test_a_play_in_the_spring_is_named() -> None:
     def loose(x: float) -> float:
         return TRUE["k_b"] * (x - min(max(x, -2e-4), 2e-4))
@@ -137,6 +140,7 @@ def test_a_late_command_is_named() -> None:
     assert found.effects[0].parameters["delay"].value == pytest.approx(4e-3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_command_that_is_late_by_a_sample_is_named_and_its_cause_left_open() -> None:
     def late(command: np.ndarray) -> np.ndarray:
         return np.concatenate([np.zeros(1), command[:-1]])
@@ -152,6 +156,7 @@ def test_a_command_that_is_late_by_a_sample_is_named_and_its_cause_left_open() -
     assert found.joint.effects["command_delay"]["delay"].number == pytest.approx(1e-3, rel=0.05)  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_a_delay_that_the_other_record_has_not_is_not_the_joints() -> None:
     def late(command: np.ndarray) -> np.ndarray:
         return np.concatenate([np.zeros(1), command[:-1]])
@@ -168,6 +173,7 @@ def test_an_effect_outside_the_table_gets_no_confirmed_name() -> None:
     assert found.unexplained.stage == "motor"
 
 
+@pytest.mark.slow
 def test_the_gap_shrinks_to_the_noise_on_a_second_record() -> None:
     found = diagnose(
         simulate(friction=(2.0, 2.0)), nominal(), validate=simulate(seed=5, friction=(2.0, 2.0))
@@ -177,6 +183,7 @@ def test_the_gap_shrinks_to_the_noise_on_a_second_record() -> None:
     assert found.gap.low <= found.gap.removed <= found.gap.high
 
 
+@pytest.mark.slow
 def test_shares_over_a_variable_add_up_to_one() -> None:
     found = diagnose(simulate(friction=(1.5, 1.5)), nominal())
     shares: dict[str, float] = {}
@@ -185,6 +192,7 @@ def test_shares_over_a_variable_add_up_to_one() -> None:
     assert all(total == pytest.approx(1.0, abs=1e-6) for total in shares.values())
 
 
+@pytest.mark.slow
 def test_missing_samples_change_nothing() -> None:
     record = simulate(friction=(1.5, 1.5))
     columns = {name: np.array(record[name]) for name in record.columns}
@@ -194,6 +202,7 @@ def test_missing_samples_change_nothing() -> None:
     assert names(diagnose(holes, nominal()))[:1] == ["coulomb"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["i", "tau", "q_l", "i_cmd"])
 def test_a_missing_channel_degrades_but_does_not_fail(missing: str) -> None:
     record = simulate(seconds=2.0, friction=(2.0, 2.0))

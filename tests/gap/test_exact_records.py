@@ -48,6 +48,7 @@ def test_a_late_joint_with_friction_is_explained(
     capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_a_lag_is_found_that_the_free_instant_of_the_drive_hides(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

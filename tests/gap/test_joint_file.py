@@ -102,6 +102,7 @@ def test_a_diagnosis_states_the_numbers_of_its_joint_file(setting: Setting) -> N
             assert one.low < one.value < one.high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", [FIXED, "full_dynamics", "rigid"])
 def test_the_predictors_know_the_joint_that_is_written(structure: str) -> None:
     setting = setting_of(structure, 0.5)

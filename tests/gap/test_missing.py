@@ -45,6 +45,7 @@ def level(found: Diagnosis) -> float:
     return found.effects[0].parameters["d_cm"].value
 
 
+@pytest.mark.slow
 def test_a_torque_command_in_place_of_the_current_shows_friction() -> None:
     record = only(simulate(4.0, friction=RUBBING), "q_m", "q_l", "tau", "i_cmd")
     torque: NDArray[np.float64] = record["i_cmd"] * TRUE["n"] * TRUE["k_t"]
@@ -62,6 +63,7 @@ def test_a_perfect_joint_has_no_gap_whatever_is_missing(channels: tuple[str, ...
     assert (found.verdict, named(found)) == ("no_gap", [])
 
 
+@pytest.mark.slow
 def test_without_position_the_torque_constant_is_judged_and_its_rival_said() -> None:
     found = diagnose(only(simulate(4.0), "i", "i_cmd", "tau"), nominal(k_t=1.18))
     assert named(found) == ["torque_constant"]
@@ -130,6 +132,7 @@ def test_a_slow_log_shows_friction_and_says_what_it_blurs() -> None:
     assert "Record at 1 kHz" in found.unexplained.text
 
 
+@pytest.mark.slow
 def test_a_record_may_begin_in_motion() -> None:
     found = diagnose(simulate(6.0, friction=RUBBING).slice(2200, None), nominal())
     assert named(found) == ["coulomb"]
@@ -146,6 +149,7 @@ def test_records_with_zeros_of_their_own_are_explained_together() -> None:
     assert found.gap.held_out
 
 
+@pytest.mark.slow
 def test_friction_that_is_smooth_near_rest_shows_its_width() -> None:
     record = simulate(4.0, extra=lambda t, q, v: -3.0 * float(np.tanh(v / 0.05)))
     found = diagnose(record, nominal())

@@ -41,6 +41,7 @@ def test_a_gap_that_only_the_validation_record_shows_is_explained(
     assert f"{len(two)} samples" in found.evidence.source.fitted[0]
 
 
+@pytest.mark.slow
 def test_values_within_their_tolerance_are_refined_by_the_replay() -> None:
     found = diagnose(simulate(), nominal(I_m=1.02, k_b=0.985), validate=simulate(seed=1))
     assert found.verdict == "no_gap"
@@ -49,6 +50,7 @@ def test_values_within_their_tolerance_are_refined_by_the_replay() -> None:
     assert found.joint.parameters.k_b == pytest.approx(6000.0, rel=0.005)
 
 
+@pytest.mark.slow
 def test_a_short_record_is_followed_by_a_request_for_a_better_one() -> None:
     found = diagnose(simulate(seconds=3.0, friction=(1.5, 1.5)), nominal())
     assert [effect.name for effect in found.effects] == ["coulomb"]

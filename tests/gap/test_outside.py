@@ -65,6 +65,7 @@ def test_a_known_effect_beside_an_unknown_one_is_named_and_confirmed() -> None:
     assert "vibration" in found.unexplained.text
 
 
+@pytest.mark.slow
 def test_what_is_outside_the_table_is_no_rival_that_is_named() -> None:
     found = diagnose(simulate(friction=(2.0, 1.2)), nominal())
     table = {"coulomb", "coulomb_asym", "stribeck", "presliding", "load_friction", "viscous_asym"}
@@ -95,6 +96,7 @@ def test_an_effect_that_another_record_contradicts_is_worth_less_than_nothing(
     assert trial.worth < 0.0
 
 
+@pytest.mark.slow
 def test_an_effect_that_held_out_data_refute_is_not_named() -> None:
     found = diagnose(simulate(friction=(2.0, 2.0)), nominal(), validate=simulate(seed=1))
     assert not confirmed(found)

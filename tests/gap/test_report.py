@@ -187,6 +187,7 @@ def test_the_verdict_tells_tentative_names_apart(explained: Diagnosis) -> None:
     assert "; tentatively Stribeck friction" in alone
 
 
+@pytest.mark.slow
 def test_what_keeps_a_name_from_being_confirmed_is_told_once(explained: Diagnosis) -> None:
     (sure,) = explained.effects
     two = [replace(sure, name=name).doubted("nothing shows it") for name in ("stribeck", "damping")]
@@ -200,6 +201,7 @@ def test_what_keeps_a_name_from_being_confirmed_is_told_once(explained: Diagnosi
     assert page(told, "gap").count("nothing shows it") == 2
 
 
+@pytest.mark.slow
 def test_panels_of_a_stage_are_announced_only_where_they_are(explained: Diagnosis) -> None:
     known = explained.evidence.regimes
     assert known
@@ -307,6 +309,7 @@ def test_the_steps_of_the_gap_have_their_numbers(explained: Diagnosis, tmp_path:
     assert f"{number(motor.before, 2)} → {number(motor.after, 2)}" in stages
 
 
+@pytest.mark.slow
 def test_a_model_with_effects_is_drawn_only_where_there_are_any(
     explained: Diagnosis, clean: Diagnosis, tmp_path: Path
 ) -> None:
@@ -334,12 +337,14 @@ def test_no_two_pictures_share_an_identifier(explained: Diagnosis, tmp_path: Pat
     assert set(used) <= set(known)
 
 
+@pytest.mark.slow
 def test_the_same_diagnosis_gives_the_same_file(explained: Diagnosis, tmp_path: Path) -> None:
     first, second = (write_report(explained, tmp_path / f"{k}.html") for k in range(2))
     assert first.read_bytes() == second.read_bytes()
 
 
 # ---- the file
+@pytest.mark.slow
 def test_the_report_is_one_file_without_links(explained: Diagnosis, tmp_path: Path) -> None:
     path = write_report(explained, tmp_path / "deep" / "report.html")
     text = path.read_text(encoding="utf-8")

@@ -272,6 +272,7 @@ def test_a_record_driven_by_a_voltage_is_diagnosed() -> None:
     assert found.verdict != "no_gap"
 
 
+@pytest.mark.slow
 def test_a_guess_of_a_held_joint_is_corrected_and_not_named() -> None:
     made, joint = spring_record(("i", "q_m", "tau"), free=False)
     file = joint.file
@@ -283,6 +284,7 @@ def test_a_guess_of_a_held_joint_is_corrected_and_not_named() -> None:
     assert found.gap.after < 0.2 * found.gap.before
 
 
+@pytest.mark.slow
 def test_a_guessed_inertia_costs_nothing_to_correct_beside_a_measured_torque() -> None:
     stated = nominal(I_m=3.0)
     guess = Quantity(stated.parameters.I_m, "kg m^2", "test", guess=True)
@@ -339,6 +341,7 @@ def test_the_damping_of_a_spring_is_fitted_and_not_named() -> None:
     assert all(row.found < 0.6 * row.datasheet for row in found.horizons)
 
 
+@pytest.mark.slow
 def test_noise_read_off_a_channel_is_told_beside_a_searched_joint() -> None:
     """What is predicted over horizons does not depend on noise, so that a search names none."""
     made = simulate(friction=(1.0, 1.0))
@@ -356,6 +359,7 @@ def test_noise_read_off_a_channel_is_told_beside_a_searched_joint() -> None:
     assert named["noise"].parameters["noise"].value == pytest.approx(4e-5, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "status"), [((3.0, 1.2), "tentative"), ((2.0, 2.0), "confirmed")]
 )

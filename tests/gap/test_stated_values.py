@@ -55,6 +55,7 @@ def test_friction_within_its_tolerance_is_refined(tmp_path: Path, structure: str
     assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(2.8, rel=0.02)  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [2.1, 2.42, 2.9])
 def test_nothing_else_is_blamed_for_listed_friction_within_its_tolerance(
     tmp_path: Path, level: float
@@ -67,6 +68,7 @@ def test_nothing_else_is_blamed_for_listed_friction_within_its_tolerance(
     assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(level, rel=0.02)  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("symbol", "factor", "name"), [("k_t", 0.89, "torque_constant"), ("d_m", 1.8, "damping")]
 )

@@ -73,6 +73,7 @@ def test_few_windows_differ(hour: Path) -> None:
     assert sorted(inside) == [1, 2, 3], "one of each stretch rather than all of one"
 
 
+@pytest.mark.slow
 def test_work_grows_with_length(tmp_path: Path) -> None:
     """Counted in calls of functions, which are the same on every machine."""
     calls = []

@@ -23,6 +23,7 @@ from cjt_gym.training.learning.config import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", config_names())
 def test_shipped_configurations_make_a_model_and_survive_a_round_trip(name: str) -> None:
     config = load_config(name)

@@ -60,6 +60,7 @@ def test_they_end_every_observation_and_change_nothing_else() -> None:
         rows = [env.step(action)[0] for env in (plain, told)]
 
 
+@pytest.mark.slow
 def test_drawn_joints_are_what_was_drawn(tiny: TrainConfig) -> None:
     config = many(tiny, frequency=(10.0, 100.0), friction=(0.1, 0.3), noise=(0.004, 0.02))
     found = [Episodes(1, **arguments).settings for arguments in datasheets(config, 5, 6)]
@@ -126,6 +127,7 @@ def test_the_noise_is_that_of_each_joint(tiny: TrainConfig) -> None:
     assert noise.commands[-1] == noise.rows.shape[-1] - 5
 
 
+@pytest.mark.slow
 def test_a_policy_for_many_joints_learns_is_validated_and_runs_exported(
     tiny: TrainConfig, tmp_path: Path
 ) -> None:

@@ -179,6 +179,7 @@ def test_a_ranking_tells_differences_from_chance() -> None:
         rank({"a": {"step": [1.0]}, "b": {"chirp": [1.0]}}, powers)
 
 
+@pytest.mark.slow
 def test_chance_alone_is_rarely_called_significant() -> None:
     rng = np.random.default_rng(1)
     wrong = 0

@@ -115,6 +115,7 @@ def test_ranges_widen_about_their_middle_and_not_below_zero() -> None:
     assert late["I_m"] == widened(usual)["I_m"]
 
 
+@pytest.mark.slow
 def test_tasks_side_by_side_give_the_errors_of_the_benchmark(tmp_path: Path) -> None:
     here = Cell("pd_feedforward", False, JOINT, FIXED, ("step", "smooth", "load_motion"), 0, 24)
     job = Job(errors_under, here)
@@ -162,6 +163,7 @@ def test_joints_lie_where_they_are_placed() -> None:
         SimulatedPlant(joint, 3, randomization={"k_b": (0.9, 1.1)}).place(np.zeros((3, 1)))
 
 
+@pytest.mark.slow
 def test_the_worst_place_is_worse_than_the_middle_and_found_again() -> None:
     here = Cell("pd_feedforward", False, JOINT, FIXED, ("step",), 0, 2)
     found = worst_case(here, 2, 6)
@@ -246,6 +248,7 @@ def known(structure: str) -> dict[str, Any]:
 WORST = (("policy", 0.3), ("pid", 0.25), ("pd", 0.5))
 
 
+@pytest.mark.slow
 def test_where_a_controller_wins_the_table_says_so() -> None:
     rows = {row[0]: row[1:] for row in tables.wins(known(FIXED))[1:]}
     assert rows["noise amplification"] == ["pid", "3.000", "5.000"]

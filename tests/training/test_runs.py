@@ -67,6 +67,7 @@ def test_a_page_compares_policy_and_base_on_the_same_episodes(
     assert f"pd_feedforward alone has {rmse(idle):.3g} N m there" in text
 
 
+@pytest.mark.slow
 def test_training_goes_on_from_the_best_model_of_another(
     finished: RunFolder, tiny: TrainConfig, tmp_path: Path
 ) -> None:
@@ -82,6 +83,7 @@ def test_training_goes_on_from_the_best_model_of_another(
     assert further.normalizer.obs_rms.count > before.normalizer.obs_rms.count  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_training_that_goes_on_keeps_the_optimiser_and_a_model_that_it_cannot_beat(
     tiny: TrainConfig, tmp_path: Path
 ) -> None:
@@ -112,6 +114,7 @@ def test_network_of_another_size_is_refused(
         train(config, tmp_path / "out", quiet=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["TQC", "RecurrentPPO"])
 def test_further_algorithms_learn_and_are_loaded(
     algorithm: str, tiny: TrainConfig, tmp_path: Path

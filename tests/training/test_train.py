@@ -235,6 +235,7 @@ def test_folders_that_are_not_ours_are_refused(
         load_policy(tmp_path / "nowhere")
 
 
+@pytest.mark.slow
 def test_a_training_stops_early_where_nothing_becomes_better(
     tiny: TrainConfig, tmp_path: Path
 ) -> None:

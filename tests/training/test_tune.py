@@ -29,6 +29,7 @@ GAINS = {"kp": 0.3, "kd": 0.004, "lead": 1.0}
 SEARCH = Search("pd_feedforward", JOINT, budget=6, episodes=8)
 
 
+@pytest.mark.slow
 def test_a_search_keeps_the_limits_beats_the_open_loop_and_goes_on(tmp_path: Path) -> None:
     log = tmp_path / "trials.jsonl"
     outcome = tune(SEARCH, log)
@@ -80,6 +81,7 @@ def test_every_limit_counts(change: dict[str, float], broken: bool) -> None:
     assert (Limits().violation(replace(good, **change)) > 0.0) == broken
 
 
+@pytest.mark.slow
 def test_a_law_that_is_not_linear_is_assessed_by_simulation() -> None:
     conditions = realistic_conditions(JOINT)
     joint = joint_of(conditions)

@@ -76,6 +76,7 @@ def test_a_command_that_answers_the_current_is_no_reply() -> None:
     assert not answers_in_its_row(Record(columns, units))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("written", [replies, current_alone])
 def test_such_a_log_is_diagnosed_like_any_other(written: Callable[[Record], Record]) -> None:
     found = diagnose(written(simulate(seconds=6.0, friction=(5.0, 5.0))), nominal(), HELD.name)

@@ -159,6 +159,7 @@ def test_damping_is_as_sure_as_that_of_the_other_direction(told: Diagnosis, stat
     assert [effect.status for effect in found] == [status, status]
 
 
+@pytest.mark.slow
 def test_a_joint_at_rest_is_refused_unless_its_drive_has_a_gap() -> None:
     t = 1e-3 * np.arange(4000)
     command = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 80), 50)

@@ -141,6 +141,7 @@ def test_least_squares_learns_from_records_of_either_direction_together() -> Non
     assert abs(regressed.effects["torque_offset"]["torque"]) < 0.1 * DRY
 
 
+@pytest.mark.slow
 def test_noise_of_the_current_that_nobody_specified_does_not_hide_friction() -> None:
     numbers = values_of(found_in(case_of(noise=0.3)))
     assert numbers["coulomb"] == pytest.approx(DRY, rel=0.25)
@@ -279,6 +280,7 @@ def test_friction_that_falls_with_speed_falls_to_a_level(plain: tuple[Case, Foun
     assert not _levelled(apart, apart.model.terms.index(of_load)), "the motor's is no level of it"
 
 
+@pytest.mark.slow
 def test_the_best_model_that_is_left_wins_not_the_best_before_pruning(
     plain: tuple[Case, Found], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -159,6 +159,7 @@ def judgement(arm: JointFile, **values: float | Quantity) -> Judgement:
     return Judgement(case, "found", case.joint, ())
 
 
+@pytest.mark.slow
 def test_the_damping_of_the_datasheet_is_no_cause(arm: JointFile) -> None:
     plain, known = (judgement(arm, **d).case for d in ({}, {"d_m": DAMPING}))
     assert "damping" in seen_in_torque(plain.joint, plain.logs)
@@ -232,6 +233,7 @@ def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
     assert "regression of the torque" in found.unexplained.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_cogging_is_read_off_the_torque_over_the_angle(arm: JointFile, seed: int) -> None:
     case = make_case([held_record(seed, cogging=1.5)], [], arm, get_structure("rigid"))
@@ -275,6 +277,7 @@ def ramps(cogging: float) -> Record:
     return Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
 
 
+@pytest.mark.slow
 def test_cogging_is_read_off_slow_ramps_though_the_acceleration_is_noise() -> None:
     """Smoothed over ten milliseconds it is, so that no regression of it shows the wave."""
     values = {"I_m": 0.03, "I_g": 0.0, "I_l": 0.0, "d_m": 0.04, "n": 1.0, "k_t": 1.0}
@@ -405,6 +408,7 @@ def test_bristles_turn_round_over_their_path() -> None:
     assert [ways(np.tile(q, 3), path) for path in (0.5, 1.5)] == [6, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "name"), [(0.15, "presliding"), (1e-4, "coulomb")])
 def test_friction_over_a_path_is_told_from_damping_by_the_torque(
     arm: JointFile, path: float, name: str

@@ -109,6 +109,7 @@ def test_a_weight_is_as_listed_within_its_tolerance(
     assert is_left_open(file, "gravity", {"torque": torque, "angle": angle}) == open_
 
 
+@pytest.mark.slow
 def test_friction_as_stated_but_not_listed_is_a_cause(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     text = ARM.format(dry=DRY, more="")

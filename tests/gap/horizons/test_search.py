@@ -48,6 +48,7 @@ def names(fit: Fit) -> set[str]:
     return {term.name for term in fit.model.terms}
 
 
+@pytest.mark.slow
 def test_a_law_that_explains_more_takes_the_place_of_another(
     posed: tuple[Problem, Fit, dict[str, Term]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
