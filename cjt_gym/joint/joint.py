@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,6 +57,8 @@ BEFORE = 0.1
 DRIVE_SIGNALS = ("i_d", "v", "v_d", "tau_m")
 """What a record holds of a voltage drive beside the current: noise-free, columns `true_...`."""
 USUAL_STRUCTURE = "full_dynamics"
+version_of = cache(version)
+"""Version of a package, read once: reading takes milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -323,7 +326,7 @@ class Joint:
             joint=p.name,
             structure=self.structure,
             parameter_hash=self.file.hash_hex(),
-            versions={name: version(name) for name in ("cjt-gym", "numpy", "numba")},
+            versions={name: version_of(name) for name in ("cjt-gym", "numpy", "numba")},
             sensors={n: v for n, v in self.file.sensors.items() if n in kept},
             provenance={"kind": "simulation", "drive": self.drive, "effects": effects, **known},
         )
