@@ -26,6 +26,9 @@ HELD = (
     "has what predicts the motion best."
 )
 """Message used when effects are identified from the torque alone."""
+NOT_PREDICTED = "the torque shows it, predictions of the motion do not"
+NOT_HELD = "torque and motion of the fitted record show it, the held-out record does not"
+"""Doubts of effects that the torque shows."""
 SYMBOLS = {
     "damping": ("d_m",),
     "coulomb": ("d_cm",),
@@ -100,6 +103,7 @@ def told_by_torque(
     names = {e.name for e in named}
     found: list[NamedEffect] = []
     joint = judged.case.joint
+    refuted = {} if judged.found is None else judged.found.refuted
     driven = any(one.name in FRICTION and one.values[0] < 0.0 for one in seen.values())
     for one in sorted(seen.values(), key=lambda s: -s.share):
         taken = names | {e.name for e in found}
@@ -112,7 +116,7 @@ def told_by_torque(
                 one.name, EFFECTS[one.name].stage, BODIES.get(one.name), None,
                 _numbers(one, joint), "tentative", EVEN_CHANCE,
                 one.share if alone else 0.0, either(one.name, joint),
-                doubt="the torque shows it, predictions of the motion do not",
+                doubt=NOT_HELD if one.name in refuted else NOT_PREDICTED,
             )
         )  # fmt: skip
     return tuple(found)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.grow import leaves
@@ -23,6 +23,7 @@ class Found:
         worths: Worth of each term of the model.
         rivals: For each term, the names of others that would fit as well in its place.
         less: For each term, the fit without it.
+        refuted: Terms that the fitted record shows and held-out data refute: names and values.
     """
 
     fit: Fit
@@ -30,6 +31,7 @@ class Found:
     worths: tuple[Worth, ...]
     rivals: tuple[tuple[str, ...], ...]
     less: tuple[Fit, ...]
+    refuted: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def dropped(self, problem: Problem, index: int, held: Held) -> Found:
         """Return the result without one of its terms."""

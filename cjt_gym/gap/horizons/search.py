@@ -60,6 +60,15 @@ def search(
     def total(fit: Fit) -> float:
         return priced(fit, first) + held(fit)
 
+    def settled(end: Fit) -> Found:
+        whole = pruned(problem, first, end, held)
+        found = tested(whole)
+        model, kept = whole.fit.model, {t.key for t in found.fit.model.terms}
+        pairs = zip(model.terms, model.values(whole.fit.z), strict=True)
+        refuted.update({t.name: values for t, values in pairs if t.key not in kept})
+        return found
+
+    refuted: dict[str, tuple[float, ...]] = {}
     first = best_start(problem, base)
     early = [t for t in terms if t.name == FIRST or (t.name == "gravity" and t.restated)]
     begun = [first, *(begin(problem, first, term) for term in early)]
@@ -80,7 +89,7 @@ def search(
         if (kinds := {(t.key, t.tight is None) for t in end.model.terms}) in seen:
             continue  # the same terms, but from a worse start
         seen.append(kinds)
-        found = tested(pruned(problem, first, end, held))
+        found = settled(end)
         left = total(found.fit)
         if best is None or left < least:
             best, least = found, left
@@ -91,14 +100,14 @@ def search(
         if better is None or problem.all_work > until:
             break
         end = extended(problem, better, terms, progress, until, held)
-        found = tested(pruned(problem, first, end, held))
+        found = settled(end)
         left = total(found.fit)
         if left > least - ALIKE:
             break
         best, least = found, left
     else:
         best = replace(best, rivals=rivals_of(problem, best, terms)[0])
-    return best
+    return replace(best, refuted=refuted)
 
 
 def extended(

@@ -170,7 +170,8 @@ def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
     """Return effects that the torque shows and that a predictive fit does not contradict.
 
     A fit with the effect must agree on its size, and not predict well with what the datasheet
-    states; one without it must leave something unexplained.
+    states; one without it must leave something unexplained, or be one whose record showed it and
+    whose held-out record did not.
     """
     if judged.found is None:
         return {}
@@ -182,7 +183,11 @@ def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
     return {
         name: one
         for name, one in seen.items()
-        if (agrees(one, fitted[name]) and name not in stated if name in fitted else open_)
+        if (
+            agrees(one, fitted[name]) and name not in stated
+            if name in fitted
+            else open_ or agrees(one, judged.found.refuted.get(name, ()))
+        )
     }
 
 

@@ -233,6 +233,10 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     moving = any(effect.name not in MEASURES for effect in diagnosis.effects)
     share = f"{percent(gap.removed)} of it" if moving and gap.removed >= NOTABLE else ""
     left = diagnosis.unexplained
+    rest = f"something in the {left.stage} stage stays unexplained"
+    if share and not any(e.gap_removed for e in diagnosis.effects if e.name not in MEASURES):
+        text = f"{lies}; refined values explain {share}, and the torque shows {names}"
+        return f"{text.removesuffix(',')}{'' if left.stage is None else f'; {rest}'}."
     if left.stage is not None:
         # How much is another measure, of a stage's residual or a prediction: `left` tells it.
         fall = (
@@ -241,7 +245,6 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if not moving:
             names = names.removesuffix(",")
             return f"{lies}; no effect of the table explains it; sensors differ as well: {names}."
-        rest = f"something in the {left.stage} stage stays unexplained"
         return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
     if not moving:
         names = names.removesuffix(",")

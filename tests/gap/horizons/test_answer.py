@@ -14,16 +14,13 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
 from cjt_gym.gap.horizons.allowed import allowed_by
-from cjt_gym.gap.horizons.answer import (
-    _with_elsewhere,
-    _with_late_drive,
-    _with_stated_value,
-)
+from cjt_gym.gap.horizons.answer import _with_elsewhere
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.judgement import Judgement, Row
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.refined import gave_way
+from cjt_gym.gap.horizons.staged import _with_stated_value, with_late_drive
 from cjt_gym.gap.horizons.tell import marked, without_late_drive
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
@@ -48,10 +45,10 @@ def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Dia
     late = DriveFit(4e-3, 0.0, 1.0, 0.3, 5e-4, 1.0)
     found = Judgement(replace(case, drive=late), "stages", case.joint, ())
     open_ = replace(told, unexplained=replace(told.unexplained, stage="drive"))
-    (delay,) = (e for e in _with_late_drive(open_, found).effects if e.name == "command_delay")
+    (delay,) = (e for e in with_late_drive(open_, found).effects if e.name == "command_delay")
     assert delay.status == "tentative"
     assert delay.parameters["delay"].value == 4e-3
-    assert _with_late_drive(told, found).effects == told.effects
+    assert with_late_drive(told, found).effects == told.effects
 
 
 def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(told: Diagnosis) -> None:

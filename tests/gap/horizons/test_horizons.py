@@ -9,7 +9,6 @@ import pytest
 
 import cjt_gym.gap.horizons.search as search_of
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.horizons.answer import _doubted
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case, late, make_case
@@ -23,6 +22,7 @@ from cjt_gym.gap.horizons.named import _levelled
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.search import search
+from cjt_gym.gap.horizons.staged import _doubted
 from cjt_gym.gap.horizons.windows import relative, worse
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.diagnosed import covariance_of
