@@ -54,7 +54,7 @@ def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) 
         allowance = CLEARLY * test.strength if sharper else SAME
         if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name
-    plain = {n: joints[n] for n in ("datasheet", "least squares") if n in joints}
+    plain = {n: j for n, j in joints.items() if n in ("datasheet", "least squares")}
     sound = sound or [n for n in plain if is_no_worse(case, plain, n)] or list(plain)
     return min(sound, key=lambda n: costs[n])
 
