@@ -170,6 +170,11 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
     turn = UNITS["rev"].factor if unit.si == "rad" else 0.0
     if unit_name in COUNTS:
         gain /= _counts(what, unit_name, given)
+    elif "counts_per_rev" in given:
+        raise RecordError(
+            f"{what} has counts_per_rev, which is for the units {' and '.join(COUNTS)}, got the "
+            f"unit {unit_name!r}. Write the unit, or leave counts_per_rev out."
+        )
     geared = _gear(what, given, unit.si, n)
     if given.get("time_unit") is not None:
         unit_of("t", given["time_unit"], f"time_unit of {what}")

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.judged.naming import _sensor_row
 from cjt_gym.gap.judged.replay import Written, replay
 from cjt_gym.gap.recorded.fields import LAW_SIZE, NEUTRAL, friction_law
 from cjt_gym.gap.recorded.noise import high_frequency_std, lattice_step, observed_jitter
@@ -24,6 +25,7 @@ from cjt_gym.gap.stages.fit import Model, Problem
 from cjt_gym.gap.stages.intervals import is_open
 from cjt_gym.gap.stages.kernel import friction_torque
 from cjt_gym.gap.stages.periodic import periodic_starts
+from cjt_gym.gap.stages.sensing import SensorFinding
 from cjt_gym.gap.stages.spring import slip, spring_torque
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.parameters import JointParameters
@@ -334,3 +336,21 @@ def test_a_plainer_law_is_tried_from_what_the_refined_one_had_found(
     assert [e.name for e in plain.model.effects] == ["coulomb", "damping"]
     at = len(problem.shared)
     assert plain.model.effects[0].unknowns[0].value(plain.z[at]) == pytest.approx(3.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "samples", "status"),
+    [
+        ("noise", 0.01, "confirmed"),
+        ("noise", 0.1, "tentative"),
+        ("quantization", 0.1, "confirmed"),
+    ],
+)
+def test_noise_that_the_clock_may_scatter_is_not_confirmed(
+    name: str, samples: float, status: str
+) -> None:
+    setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
+    jittered = replace(setting.noise["tau"], jitter=samples * setting.series.dt)
+    setting = replace(setting, noise={**setting.noise, "tau": jittered})
+    row = _sensor_row(SensorFinding(name, "tau", 0.1, 0.09, 0.11, 2.0), setting)
+    assert row.status == status

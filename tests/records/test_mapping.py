@@ -162,6 +162,7 @@ BAD = [
     ({"columns": {"q_m": {"scale": 0}}}, "scale of columns.q_m .* must not be 0"),
     ({"columns": {"q_m": {"scale": "2"}}}, "scale of columns.q_m .* must be a number"),
     ({"columns": {"q_m": {"unit": "counts"}}}, "needs  counts_per_rev = ..."),
+    ({"columns": {"q_m": {"counts_per_rev": 4096}}}, "got the unit 'rad'. Write the unit"),
     ({"columns": {"q_m": {"side": "rotor"}}}, "side of .* must be 'link' or 'motor', got 'rotor'"),
     ({"columns": {"q_m": {"side": "motor"}}}, "needs the gear ratio: a line  n = ..."),
     ({"n": 2, "columns": {"i": {"side": "motor"}}}, "says 'motor', which is for angles"),

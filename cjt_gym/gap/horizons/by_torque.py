@@ -116,7 +116,7 @@ def told_by_torque(
                 one.name, EFFECTS[one.name].stage, BODIES.get(one.name), None,
                 _numbers(one, joint), "tentative", EVEN_CHANCE,
                 one.share if alone else 0.0, either(one.name, joint),
-                doubt=NOT_HELD if one.name in refuted else NOT_PREDICTED,
+                doubt=NOT_PREDICTED if alone or one.name not in refuted else NOT_HELD,
             )
         )  # fmt: skip
     return tuple(found)
