@@ -20,12 +20,7 @@ from cjt_gym.gap.horizons.case import as_joint, make_case
 from cjt_gym.gap.horizons.judge import Progress, judge
 from cjt_gym.gap.horizons.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.refined import (
-    BESIDE,
-    LATE,
-    NAMELESS,
-    gave_way,
-)
+from cjt_gym.gap.horizons.refined import BESIDE, LATE, NAMELESS, gave_way, refined
 from cjt_gym.gap.horizons.staged import BETTER, as_nominal, standing, with_drag, with_late_drive
 from cjt_gym.gap.horizons.tell import retold
 from cjt_gym.gap.horizons.verdict import main_row
@@ -43,6 +38,7 @@ OVER_THE_RECORD = (
     "datasheet predicts better, so that its joint is the one given."
 )
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
+CALLED_FOR = "The fitted records call for"
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
 AT_FLOOR = 1.1
@@ -91,7 +87,7 @@ def judged(
     told = allowed_by(with_drag(with_late_drive(told, found), found), excluded)
     beside = any(e.name not in MEASURES for e in told.effects) and found.answer == "found"
     strained = gave_way(found, told.effects) if beside else ""
-    text = " ".join(filter(None, (found.contradicted, strained, told.unexplained.text)))
+    text = " ".join(filter(None, (_contradicted(found), strained, told.unexplained.text)))
     told = replace(told, unexplained=replace(told.unexplained, text=text))
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
@@ -99,6 +95,14 @@ def judged(
         dry = tuple(e for e in first.effects if e.name in DRY)
         return _suspected(told, first, dry, FURTHER)
     return told
+
+
+def _contradicted(found: Judgement) -> str:
+    """Return how held-out records contradict the fitted ones, and what these call for."""
+    if not found.contradicted or found.found is None:
+        return found.contradicted
+    asked = refined(replace(found, answer="found"), known=True).replace(NAMELESS, CALLED_FOR)
+    return f"{found.contradicted} {asked}".rstrip()
 
 
 def at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagnosis:

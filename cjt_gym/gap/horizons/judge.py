@@ -205,15 +205,16 @@ def _beyond_tolerance(problem: Problem, test: Problem, found: Found) -> Found:
     Without it, the fit strains the datasheet for almost the same value; here it is compared with
     the best fit that leaves the value near the datasheet's.
     """
-    worths = list(found.worths)
+    worths, less = list(found.worths), list(found.less)
     for k, term in enumerate(found.fit.model.terms):
-        if term.tight is not None and not worths[k].seen:
-            near = kept_near(problem, found.fit, k, OUTSIDE)
-            held = test.scored(near).cost - test.scored(found.fit).cost
-            shown = replace(worth(problem, near, found.fit, term), held=held)
-            if shown.enough and shown.seen:
-                worths[k] = shown
-    return replace(found, worths=tuple(worths))
+        if term.tight is None:
+            continue
+        near = kept_near(problem, found.fit, k, OUTSIDE)
+        held = test.scored(near).cost - test.scored(found.fit).cost
+        shown = replace(worth(problem, near, found.fit, term), held=held)
+        if shown.enough and shown.seen and (shown.fall > worths[k].fall or not worths[k].seen):
+            worths[k], less[k] = shown, near
+    return replace(found, worths=tuple(worths), less=tuple(less))
 
 
 def _deafer(problem: Problem, less: Fit, more: Fit) -> bool:

@@ -63,9 +63,9 @@ def search(
     def settled(end: Fit) -> Found:
         whole = pruned(problem, first, end, held)
         found = tested(whole)
-        model, kept = whole.fit.model, {t.key for t in found.fit.model.terms}
+        model, kept = whole.fit.model, {(t.key, t.tight) for t in found.fit.model.terms}
         pairs = zip(model.terms, model.values(whole.fit.z), strict=True)
-        refuted.update({t.name: values for t, values in pairs if t.key not in kept})
+        refuted.update({t.name: values for t, values in pairs if (t.key, t.tight) not in kept})
         return found
 
     refuted: dict[str, tuple[float, ...]] = {}

@@ -77,7 +77,8 @@ def retold(
     effects = _as_staged(effects, first.effects)
     regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
     if judged.answer == "datasheet" and not loud:
-        seen = {}
+        refuted = {} if judged.found is None else judged.found.refuted
+        seen = {name: one for name, one in seen.items() if name in refuted}
     if loud:  # little predicts the motion: the torque is the better evidence, or the only one
         blind = main_row(judged).found > BLIND
         effects = () if blind else beside_torque(judged, seen, effects)
@@ -183,11 +184,8 @@ def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
     return {
         name: one
         for name, one in seen.items()
-        if (
-            agrees(one, fitted[name]) and name not in stated
-            if name in fitted
-            else open_ or agrees(one, judged.found.refuted.get(name, ()))
-        )
+        if agrees(one, judged.found.refuted.get(name, ()))
+        or (agrees(one, fitted[name]) and name not in stated if name in fitted else open_)
     }
 
 
