@@ -55,7 +55,7 @@ for structure in ("output_fixed", "output_fixed_rigid_gearbox"):
     gain.semilogx(f, 20.0 * np.log10(np.abs(response)), label=structure)
     phase.semilogx(f, np.degrees(np.unwrap(np.angle(response))))
 gain.set(ylabel="gain [dB]")
-gain.legend()
+gain.legend(loc="upper right")
 phase.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
 
 # %% [markdown]

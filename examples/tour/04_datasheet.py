@@ -30,7 +30,7 @@ figure, axes = plt.subplots(figsize=(7, 3.6), layout="constrained")
 shown = axes.contourf(tau, speed, 100.0 * efficiency(p, tau[None, :], speed[:, None]), 9)
 axes.plot(*best_point(p), "o", color="red", clip_on=False, label=f"{found['eta_max']:.0f} %")
 axes.set(xlabel="motor torque at the link [N m]", ylabel="speed [rad/s]")
-axes.legend()
+axes.legend(loc="upper right")
 figure.colorbar(shown, label="efficiency [%]")
 
 # %% [markdown]
@@ -49,7 +49,7 @@ for name in ("current", "continuous", "voltage"):
     axes.loglog(f, getattr(limits, name), label=name)
 axes.loglog(f, limits.peak, color="black", lw=2.5, alpha=0.3, label="available")
 axes.set(xlabel="frequency [Hz]", ylabel="joint torque, amplitude [N m]")
-axes.legend()
+axes.legend(loc="upper right")
 
 # %% [markdown]
 # ## The sheet

@@ -75,7 +75,7 @@ figure, axes = plt.subplots(figsize=(7, 2.6), layout="constrained")
 axes.plot(t[:150], record["true_tau"][:150], label="true")
 axes.plot(t[:150], record["tau"][:150], lw=0.8, label="measured")
 axes.set(xlabel="time [s]", ylabel="torque [N m]")
-axes.legend()
+axes.legend(loc="upper left")
 
 # %% [markdown]
 # ## What is left of the linear joint
@@ -100,7 +100,7 @@ for rms in (40.0, 10.0, 4.0):
     axes.loglog(seen.f, np.abs(seen.response), "o", ms=3, label=f"{rms:.0f} N m rms")
     print(f"{rms:4.0f} N m rms: distortion {100.0 * seen.distortion:.1f} % of the output")
 axes.set(xlabel="frequency [Hz]", ylabel="joint torque over motor torque")
-axes.legend()
+axes.legend(loc="upper right")
 
 # %% [markdown]
 # Every effect, with its equation and parameters, is on the page [effects](../../docs/effects.md).

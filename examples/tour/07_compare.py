@@ -46,7 +46,7 @@ for agent in agents:
     axes.plot(t[:-1], traces.tau[0, :-1], label=agent.name)
 axes.plot(t[:-1], traces.reference[0, :-1], ":", color="black", label="wanted")
 axes.set(xlabel="time [s]", ylabel="torque [N m]")
-axes.legend(fontsize=8)
+axes.legend(loc="upper left", fontsize=8)
 
 # %% [markdown]
 # `cjt-gym benchmark` does this for more controllers, tasks and joints, adds bandwidth, noise,

@@ -63,4 +63,4 @@ for agent in make_agents(["pd_feedforward"], ["policy"]):
     axes.plot((traces.reference[0] - traces.tau[0])[50:], label=agent.name)
     print(f"{agent.name:15} {rmse(traces):.2f} N m")
 axes.set(xlabel="step", ylabel="error [N m]")
-axes.legend()
+axes.legend(loc="lower left")

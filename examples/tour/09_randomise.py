@@ -35,7 +35,7 @@ axes.plot(t, tau, color="tab:blue", alpha=0.15)
 nominal = joint.simulate(12.0 * np.sin(2.0 * np.pi * 2.0 * t))
 axes.plot(t, nominal["true_tau"], color="black", label="nominal")
 axes.set(xlabel="time [s]", ylabel="joint torque [N m]")
-axes.legend()
+axes.legend(loc="upper left")
 
 # %% [markdown]
 # ## Presets

@@ -149,7 +149,7 @@ figure, axes = plt.subplots(figsize=(5, 3), layout="constrained")
 axes.plot(speed, torque[:, 0], label="motor")
 axes.plot(speed, torque[:, 1], label="gear")
 axes.set(xlabel="speed [rad/s]", ylabel="g [N m]")
-axes.legend()
+axes.legend(loc="upper right")
 
 # %% [markdown]
 # ## Algorithm 8 and Figure 5: the data sheet

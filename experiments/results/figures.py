@@ -109,7 +109,7 @@ def delay_figure(found: Found) -> str:
         axes.set_yscale("log")
         axes.set_xlabel("more delay [ms]")
         axes.set_ylabel("score")
-        axes.legend()
+        axes.legend(loc="upper left")
         return written()
 
 
@@ -128,5 +128,5 @@ def port_figure(found: Found) -> str:
         axes.set_yscale("symlog", linthresh=0.1)
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel("damping / sqrt(stiffness x inertia)")
-        axes.legend()
+        axes.legend(loc="upper left")
         return written()

@@ -64,6 +64,15 @@ def test_a_notebook_shows_text_or_pictures_and_its_links_lead_somewhere(path: Pa
         assert link in page.pictures or (path.parent / link).exists(), link
 
 
+def test_a_legend_says_where_it_stands() -> None:
+    """Matplotlib warns where the search for the best place takes longer than a second."""
+    seeking = re.compile(r"\.legend\((?![^()]*loc=)[^()]*\)")
+    drawing = [*tour.scripts(), *ROOT.glob("training/**/*.py"), *ROOT.glob("experiments/**/*.py")]
+    found = [path.name for path in drawing if seeking.search(path.read_text("utf-8"))]
+    assert found == []
+    assert seeking.search("axes.legend(ncols=2)")
+
+
 def test_most_of_the_tour_has_pictures() -> None:
     pages = [tour.page_of(path.with_suffix(".ipynb")) for path in tour.scripts()]
     assert sum(bool(page.pictures) for page in pages) >= 9

@@ -38,7 +38,7 @@ def learning_figure(progress: Sequence[Mapping[str, float]], levels: Mapping[str
         axis.set_xlim(left=0.0)
         axis.set_xlabel("training steps [thousands]")
         axis.set_ylabel("tracking error, rms [N m]")
-        axis.legend(ncols=2)
+        axis.legend(loc="upper right", ncols=2)
         return written()
 
 
