@@ -288,6 +288,8 @@ def _shift(view: View) -> float | None:
     balance = view.motor
     if balance is None or view.motor_angle == "tau" or view.drive == "v":
         return None  # the motor inherently lags behind a voltage
+    if view.structure.has_spring and not (view.cut or view.structure.output_fixed):
+        return None  # a load on a spring leads or lags by itself, and its torque is not measured
     a, motion = balance["a"], [balance["q"], balance["one"]]
     if left_over(a, motion) < ONE_SINE * float(np.std(a)):
         return None  # in a single sine a lag is damping, and friction that bends first looks late

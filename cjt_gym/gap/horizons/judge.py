@@ -33,6 +33,7 @@ from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
 from cjt_gym.gap.horizons.rows import candidates, cogging, gravity, likelier, scales_of
 from cjt_gym.gap.horizons.search import LOUDLY, search
+from cjt_gym.gap.horizons.starts import best_start
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, relative
 from cjt_gym.gap.horizons.worth import Worth, worth
 from cjt_gym.gap.recorded.tolerances import OUTSIDE
@@ -93,8 +94,10 @@ def judge(
     case = sharp(case, [joints[name] for name in ("datasheet", "stages") if name in joints])
     if stages is not None and (best := _sufficient(case, joints, own, enough, explained)):
         return _settled(case, joints, best)
-    problem, test = Problem(case.fit), Problem(case.test)
     base, terms = _proposed(case, own, excluded)
+    plain = best_start(Problem(case.fit), base)
+    case = sharp(case, [plain.model.at(plain.z)])
+    problem, test = Problem(case.fit), Problem(case.test)
     found = search(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,

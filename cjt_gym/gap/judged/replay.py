@@ -23,7 +23,7 @@ from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.joint_file import Refined, identified_joint
 from cjt_gym.gap.recorded.fields import Fields
-from cjt_gym.gap.recorded.series import Series
+from cjt_gym.gap.recorded.series import Series, slope
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.signals import interval_mean
 from cjt_gym.gap.stages.fit import Fit, Model, Problem
@@ -152,7 +152,7 @@ def replay(setting: Setting, model: Written) -> dict[str, Floats]:
         torque = current[:samples] * p.k_t * p.n
         got = joint.simulate(torque, load[:samples], series.dt, start, dt_physics=h)
         found = {"q_m": got["true_q_m"] - zero, "q_l": got["true_q_l"] - zero - fields["q_0"]}
-        found["dq_m"] = got["true_dq_m"]
+        found["dq_m"] = slope(found["q_m"], series.dt)  # as of the measured angle
         if driven and "i" in got:
             found["i"] = got["i"] + fields["i_0"]
         if setting.has_spring:

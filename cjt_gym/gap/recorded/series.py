@@ -104,10 +104,7 @@ class Series:
     def speed(self, name: str) -> Floats:
         """Return the slope of a channel over four samples [unit/s], shape (N,)."""
         if name not in self._speeds:
-            padded = np.pad(self.columns[name], 2, mode="edge")
-            self._speeds[name] = np.asarray(
-                (padded[4:] - padded[:-4]) / (4.0 * self.dt), dtype=np.float64
-            )
+            self._speeds[name] = slope(self.columns[name], self.dt)
         return self._speeds[name]
 
     def change(self, name: str) -> Floats:
@@ -122,6 +119,12 @@ class Series:
         """
         y = self.columns[name][: min(max(round(START / self.dt), 4), 20)]
         return float(np.polyfit(self.dt * np.arange(len(y)), y, 2)[1])
+
+
+def slope(values: Floats, dt: float) -> Floats:
+    """Return the slope of a channel over four samples of dt [s], shape (N,)."""
+    padded = np.pad(values, 2, mode="edge")
+    return np.asarray((padded[4:] - padded[:-4]) / (4.0 * dt), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,8 @@ def motor_current(fields: Fields, series: Series) -> Floats:
         return np.asarray(smooth_mean(i) + (weight - 0.5) * (ahead(i) - i) - fields["i_0"])
     if "i" in series:
         return interval_mean(series["i"], fields["w_i"]) - fields["i_0"]
-    return interval_mean(commanded_current(fields, series), 1.0) - fields["i_0"]
+    weight = _newer_share(fields["lag"] / series.dt)
+    return interval_mean(commanded_current(fields, series), weight) - fields["i_0"]
 
 
 def commanded_current(fields: Fields, series: Series) -> Floats:
@@ -166,11 +167,23 @@ def torque_rise(fields: Fields, series: Series) -> Floats:
     A current that follows its command at once does not rise within an interval; one with a lag
     does, in the first moment about the middle, as a straight line of a share of its change does.
     """
-    if "i" not in series:
+    if "i" not in series and fields["lag"] <= 0.0:
         return np.zeros(len(series))
-    change = ahead(series["i"]) - series["i"]
+    i = series["i"] if "i" in series else commanded_current(fields, series)
+    change = ahead(i) - i
     share = 1.0 if series.slow else _rising(fields["lag"] / series.dt)
     return np.asarray(fields["n"] * fields["k_t"] * share * change)
+
+
+def _newer_share(lag: float) -> float:
+    """Return the share of the newer sample in the mean of a current behind a lag in samples.
+
+    Over an interval the current approaches a constant; without a lag it is there at once.
+    """
+    if lag <= 0.0:
+        return 1.0
+    done = -np.expm1(-1.0 / lag)
+    return float((1.0 - lag * done) / done)
 
 
 def _rising(lag: float) -> float:

@@ -10,7 +10,8 @@ import pytest
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.instants import answers_in_its_row, in_step, misplaced
-from cjt_gym.joint import get_structure
+from cjt_gym.joint import Joint, JointFile, get_structure
+from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record
 from tests.gap.simulator import nominal, simulate
 
@@ -95,3 +96,17 @@ def test_rows_of_one_instant_of_a_loop_faster_than_its_log_stay_where_they_are(e
     assert misplaced(slow) is None
     (same,), _ = in_step([slow], [], nominal(), HELD)
     assert same is slow
+
+
+def test_a_load_that_leads_on_its_spring_is_no_fault_of_the_rows() -> None:
+    """Below its resonance with a free load, the motor may lead what one body would do."""
+    values = {"I_m": 0.5, "I_g": 0.4, "I_l": 0.4, "k_g": 12e3, "k_b": 12e3, "k_t": 0.01, "n": 100.0}
+    values |= {"d_m": 0.03, "d_g": 15.0, "d_l": 0.4, "d_mg": 80.0, "d_gl": 1.5}
+    file = JointFile(JointParameters.from_values("two springs", values))
+    shape = get_structure("full_dynamics")
+    rng = np.random.default_rng(1)
+    torque = np.repeat(rng.uniform(-20.0, 20.0, 400), 20)
+    moved = Joint(file, shape.name, "current", {}).simulate(torque, dt=1e-3)["true_q_m"]
+    angle = moved + 1e-5 * rng.standard_normal(len(moved))
+    seen = Record({"i_cmd": torque, "q_m": angle}, {"i_cmd": "A", "q_m": "rad"}, dt=1e-3)
+    assert examine([seen], file, shape).faults == ()
