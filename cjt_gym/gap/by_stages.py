@@ -141,7 +141,7 @@ def _diagnosed(
     if turnable and tested and _seen_elsewhere(explanation):
         progress("explaining the other record, which alone shows a gap")
         turned, others = _explained(tested, _long(fitted), file, shape, progress)
-        if turned.fit.model.effects:
+        if turned.fit.model.effects or not turned.left:
             explanation, replayed = turned, others
             fitted, tested = tested, _long(fitted)
     progress("replaying what was kept from the fit")

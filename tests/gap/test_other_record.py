@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cjt_gym.blind import make_bench
 from cjt_gym.gap import diagnose
 from cjt_gym.joint import load_joint_file
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
-from tests.gap.simulator import nominal, simulate
+from tests.gap.simulator import TRUE, nominal, simulate
 
 FIXED = "output_fixed_rigid_gearbox"
+
+
+def slowly(wanted: np.ndarray) -> np.ndarray:
+    """Return the current of a slow ramp, whatever is wanted [A], shape (N,)."""
+    return 3.0 * np.sin(2.0 * np.pi * np.arange(len(wanted)) / len(wanted))
 
 
 def small_and_large() -> tuple[Record, Record, str]:
@@ -39,6 +47,20 @@ def test_a_gap_that_only_the_validation_record_shows_is_explained(
     found = diagnose(one, joint, FIXED, validate=two)
     assert [effect.name for effect in found.effects] == ["hardening"]
     assert f"{len(two)} samples" in found.evidence.source.fitted[0]
+
+
+def test_a_guess_that_only_the_validation_record_refutes_is_corrected_by_it() -> None:
+    """Slow motion tells nothing of an inertia."""
+    quick = simulate(seconds=3.0)
+    slow = simulate(seconds=3.0, drive=slowly)
+    slow = slow.with_columns({"i_cmd": slowly(slow["i_cmd"])})
+    guess = Quantity(0.7 * TRUE["I_m"], "kg m^2", "guess", guess=True)
+    sheet = nominal()
+    sheet = replace(sheet, parameters=sheet.parameters.replace(I_m=guess))
+    found = diagnose(slow, sheet, validate=quick)
+    assert found.verdict == "no_gap"
+    assert found.effects == ()
+    assert found.joint.parameters.I_m == pytest.approx(TRUE["I_m"], rel=0.02)
 
 
 @pytest.mark.slow
