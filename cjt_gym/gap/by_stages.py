@@ -38,12 +38,13 @@ from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
-from cjt_gym.gap.stages.fit import Fit, Model
+from cjt_gym.gap.stages.fit import Fit, Model, Problem
 from cjt_gym.gap.stages.intervals import NORMAL, Covariance, covariance
 from cjt_gym.gap.stages.lateness import open_instant
 from cjt_gym.gap.stages.leftover import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.gap.stages.select import BEYOND, Progress
 from cjt_gym.joint import JointFile
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 
@@ -218,7 +219,7 @@ def _report(
     if refined:
         fit = settled(problem, fit, spread if explains else covariance(problem, fit))
     setting = problem.stages.setting
-    nominal = Written(_nominal_fields(found), setting.joint)
+    nominal = Written(_nominal_fields(problem, found.base.z), setting.joint)
     told = _refined(found, fit, spread) if refined else {}
     shown = [effect for effect in named if effect.name not in MEASURES and effect not in off]
     models = steps(problem, fit, nominal, shown, told, record) if refined else [nominal]
@@ -342,11 +343,10 @@ def _far_off(found: Explanation) -> tuple[NamedEffect, ...]:
     return tuple(replace(one, gap_removed=share / total) for share, one in ordered)
 
 
-def _nominal_fields(found: Explanation) -> Fields:
-    """Return the fields of the nominal joint with only the record's offsets added."""
-    problem = found.problem
+def _nominal_fields(problem: Problem, z: Floats) -> Fields:
+    """Return the fields of the nominal joint with only a fit's offsets of the record added."""
     offsets = ("q_0", "w_i")
-    pairs = zip(problem.shared, found.base.z, strict=True)
+    pairs = zip(problem.shared, z, strict=False)
     z = np.array([value if nuisance.field in offsets else 0.0 for nuisance, value in pairs])
     return problem.fields(Model(), z)
 
@@ -357,9 +357,13 @@ def _stages(
     problem = found.problem
     ms = problem.mean_square(before)
     blamed = {effect.stage for effect in named} | {item.stage for item in found.left}
+    nominal = _nominal_fields(problem, fit.z)
+    stated = problem.mean_square({n: problem.stages.residual(n, nominal) for n in ms})
     out: dict[str, StageGap] = {}
     for name in ("drive", "motor", "transmission", "load"):
         after = fit.mean_square[name] ** 0.5 if name in ms else 0.0
+        if name in ms and name not in blamed:  # strained for the sake of another
+            ms[name] = min(ms[name], stated[name])
         out[name] = StageGap(ms.get(name, 0.0) ** 0.5, after, name in blamed)
     factor = max([finding.factor for finding in found.sensors], default=1.0)
     out["sensing"] = StageGap(factor, 1.0, "sensing" in blamed)

@@ -25,7 +25,7 @@ from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.series import Stretch, stretches
-from cjt_gym.gap.recorded.tolerances import unlisted
+from cjt_gym.gap.recorded.tolerances import strained, unlisted
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.gap.stages.select import Progress, silent
 from cjt_gym.gap.stages.smoothing import with_smoothing
@@ -116,6 +116,9 @@ def diagnose(
         if ask is not None and found.suggestion is open_:
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
+    told = {symbol for e in found.effects for symbol in e.parameters}
+    text = " ".join((found.unexplained.text, *strained(file, found.joint, told))).strip()
+    found = replace(found, unexplained=replace(found.unexplained, text=text))
     found = replace(found, seconds=time.perf_counter() - started)
     return remarked(found, given, pieces, shape, remarks)
 

@@ -123,6 +123,7 @@ TEMPLATE: Final = """\
  * nothing is shared.
  *
  *   @NAME@_state state;
+ *   double reference[@NAME@_REFERENCES]; // now and at the next control steps
  *   @NAME@_reset(&state);
  *   torque = @NAME@_step(&state, reference, @VALUES@);
  */

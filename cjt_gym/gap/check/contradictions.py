@@ -39,6 +39,8 @@ SPRING = 1.6
 """Least reported factor between torque and stiffness times deflection."""
 RATIO = 0.1
 """Relative tolerance within which two angles differ by the gear ratio."""
+COUNTED = (2.0, 4.0)
+"""Counts of an encoder of two tracks per line, if one or both edges of both tracks count."""
 STEPPED = 0.01
 """The same for the steps of an angle and those of its encoder, which are known exactly."""
 SMALLEST = 0.2
@@ -182,6 +184,22 @@ def coarser(view: View) -> list[str]:
         )
         if other != 1.0 and abs(factor / other - 1.0) < STEPPED
     ]
+
+
+def miscounted(view: View) -> list[str]:
+    """Return remarks on angles whose steps are twice or four times those of their encoder."""
+    return [
+        f"{name} has steps {factor:.3g} times the resolution that the joint file states: its "
+        "encoder is coarser, or counts_per_rev of the mapping is as many times too small (an "
+        "encoder of two tracks has four counts a line)."
+        for name, channel in view.channels.items()
+        if (factor := _times_coarser(view, name, channel)) is not None and is_count(factor)
+    ]
+
+
+def is_count(factor: float) -> bool:
+    """Return whether steps differ by a factor that a miscounted encoder would make of them."""
+    return any(abs(factor / times - 1.0) < STEPPED for times in COUNTED)
 
 
 def _times_coarser(view: View, name: str, channel: Channel) -> float | None:

@@ -8,6 +8,7 @@ after it acted.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from cjt_gym.gap.check.clock import even
 from cjt_gym.gap.check.encoders import angles_in_step
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
+from cjt_gym.gap.recorded.series import SLOW
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
@@ -38,6 +40,13 @@ SAME_ROW = 0.5
 leaves if it acted before."""
 UNKNOWN = 1e-3
 """Least share of a current's deviation that its past leaves for that to be judged."""
+BETWEEN_ROWS = (0.0, 0.25, 0.5, 0.75)
+"""Lags between two rows that are tried, in rows; up to the first of them a current is in time."""
+IN_TIME = 0.5
+"""Largest mean square by which a current in time misses the command of its row, relative to that by
+which it misses the command before."""
+TELLS = 0.01
+"""Least relative difference of what currents leave of a motion for it to tell which one acts."""
 PROMPT = 0.5
 """Share of the command of its row in a current that answers at once."""
 BETWEEN = -0.05
@@ -120,7 +129,26 @@ def answers_in_its_row(record: Record) -> bool:
     both = [*past, command[now][good]]
     without = left_over(y, past)
     shown = without > UNKNOWN * np.std(y) and left_over(y, both) ** 2 < SAME_ROW * without**2
-    return bool(shown) and factors(y, both)[-1] > 0.0
+    return bool(shown and factors(y, both)[-1] > 0.0) or _is_in_time(i, command)
+
+
+def _is_in_time(i: Floats, command: Floats) -> bool:
+    """Return whether a current is in time with the command of its row, not with an earlier one.
+
+    Past commands foretell a smooth one, so that only the instants tell which of them acts.
+    """
+    now, least = slice(EARLIER, None), len(i) - EARLIER
+    late = [command[EARLIER - k : EARLIER - k + least] for k in range(EARLIER + 1)]
+    good = np.isfinite(np.stack([i[now], *late])).all(axis=0)
+    y, late = i[now][good], [x[good] for x in late]
+    if len(y) < 10 * EARLIER or not np.std(y) > 0.0:
+        return False
+    one, left = np.ones(len(y)), []
+    for k, share in itertools.product(range(EARLIER), BETWEEN_ROWS):
+        held = (1.0 - share) * late[k] + share * late[k + 1]
+        left.append(left_over(y, [held, one]) if factors(y, [held, one])[0] > 0.0 else np.inf)
+    first, next_row = left[0] ** 2, left[len(BETWEEN_ROWS)] ** 2
+    return int(np.argmin(left)) <= 1 and bool(first < IN_TIME * next_row)
 
 
 def misplaced(record: Record) -> tuple[str, int] | None:
@@ -130,9 +158,13 @@ def misplaced(record: Record) -> tuple[str, int] | None:
     if not {"q_m", "dq_m"} & set(record.columns):
         return "i_cmd", 1
     shares = _shares(record)
-    if shares[1] > shares[0] or min(shares[:-1]) < BETWEEN:
+    if _is_in_time(record["i"], record["i_cmd"]):
+        shares = np.eye(len(shares))[0]  # those of smooth commands are not told apart
+    elif shares[1] > shares[0] or min(shares[:-1]) < BETWEEN:
         return None
     left = _left_by_currents(record, shares)
+    if record.dt < SLOW and max(left.values()) < (1.0 + TELLS) * min(left.values()):
+        return "i", -1  # measured before the command, as in most logs, for all that motion tells
     prompt = shares[0] > PROMPT * np.abs(shares[:-1]).sum()
     if prompt and left["mean"] <= min(left["after"], left["before"]):
         return None
@@ -243,6 +275,8 @@ def _lag(piece: dict[str, Floats]) -> float | None:
     most = min(MOST_LATE, len(x) // 4)
     lags = np.arange(-most, most + 1)
     alike = np.array([_alike(x, y, int(lag)) for lag in lags])
+    if len(alike) and -alike.min() > alike.max():
+        alike = -alike  # its sign is turned
     if not len(alike) or not np.isfinite(alike).all() or alike.max() < ALIKE:
         return None
     best = int(np.argmax(alike))

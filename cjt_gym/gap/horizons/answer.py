@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.check.contradictions import is_count
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
     NamedEffect,
+    Suggestion,
     Unexplained,
 )
 from cjt_gym.gap.horizons.allowed import allowed_by
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
+from cjt_gym.gap.horizons.disturbed import disturbed
 from cjt_gym.gap.horizons.judge import Progress, judge
 from cjt_gym.gap.horizons.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.model import MEASURES
@@ -39,6 +42,8 @@ OVER_THE_RECORD = (
 )
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 CALLED_FOR = "The fitted records call for"
+MISCOUNTED = "counts_per_rev of the mapping may be too small by this factor instead"
+UNDISTURBED = "Record again without what acted there, or leave that stretch out."
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
 AT_FLOOR = 1.1
@@ -80,10 +85,19 @@ def judged(
         said = f"Predictions over several horizons were not possible: {error}"
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")
         return allowed_by(replace(first, unexplained=left), excluded)
+    measured = any("i" in one for one in records)
+    told = _told(first, found, excluded, title_of(records[0]), measured=measured)
+    return _with_disturbance(_with_counts(told, file), found, records, held)
+
+
+def _told(
+    first: Diagnosis, found: Judgement, excluded: Mapping[str, str], title: str, *, measured: bool
+) -> Diagnosis:
+    """Return the diagnosis of the joint that is the answer."""
     if found.answer == "stages":
         return allowed_by(standing(first, found), excluded)
-    told = retold(first, found, excluded, title_of(records[0]))
-    told = _with_elsewhere(told, first, measured=any("i" in one for one in records))
+    told = retold(first, found, excluded, title)
+    told = _with_elsewhere(told, first, measured=measured)
     told = allowed_by(with_drag(with_late_drive(told, found), found), excluded)
     beside = any(e.name not in MEASURES for e in told.effects) and found.answer == "found"
     strained = gave_way(found, told.effects) if beside else ""
@@ -95,6 +109,41 @@ def judged(
         dry = tuple(e for e in first.effects if e.name in DRY)
         return _suspected(told, first, dry, FURTHER)
     return told
+
+
+def _with_counts(told: Diagnosis, file: JointFile) -> Diagnosis:
+    """Return a diagnosis that confirms no coarser encoder where its counts may be wrong instead."""
+    effects = []
+    for e in told.effects:
+        stated = file.sensors.get(e.channel or "", {}).get("resolution")
+        seen = e.parameters.get("resolution")
+        if e.name == ROUNDED and stated is not None and seen is not None and stated.number > 0.0:
+            e = e.doubted(MISCOUNTED) if is_count(seen.value / stated.number) else e
+        effects.append(e)
+    return replace(told, effects=tuple(effects))
+
+
+def _with_disturbance(
+    told: Diagnosis, found: Judgement, records: Sequence[Record], held: Sequence[Record]
+) -> Diagnosis:
+    """Return a diagnosis that says in which stretch of a record something else acted."""
+    said = []
+    parts = [(records, found.case.fit), *([(held, found.case.test)] if held else [])]
+    for given, windows in parts:
+        one = disturbed(windows, found.joint)
+        if one is not None and one.log < len(given):
+            said.append(
+                f"{one.share:.0%} of what is left of the motion in {title_of(given[one.log])} lies "
+                f"from {one.start:.3g} to {one.stop:.3g} s: look at what acted there."
+            )
+    if not said:
+        return told
+    left = replace(told.unexplained, text=" ".join([*said, told.unexplained.text]).strip())
+    if told.verdict != "no_gap":
+        return replace(told, unexplained=left)
+    left = replace(left, text=left.text.replace(NOTHING_LEFT, "").strip())
+    advice = Suggestion(UNDISTURBED)
+    return replace(told, verdict="unexplained", unexplained=left, suggestion=advice)
 
 
 def _contradicted(found: Judgement) -> str:

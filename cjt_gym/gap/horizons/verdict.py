@@ -61,6 +61,8 @@ def stages_of(
             worst = max(rows, key=lambda r: r.datasheet / max(r.floor or 1.0, 1e-9))
             floor = max(worst.floor or 1.0, 1e-9)
             named = stage in blamed or any(r.unexplained for r in rows)
+            if stage != "motor" and not named and out[stage].before > 0.0:
+                continue  # what the motor does wrong shows in its predictions, too
             out[stage] = StageGap(worst.datasheet / floor, worst.found / floor, named)
     return out
 

@@ -266,7 +266,7 @@ def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
         log = logs[group.log]
         for key, points in blank._kinds(group):
             x = log.measured[key[0]][group.starts[:, None] + points]
-            did = x - _stays(log, key, group, points)
+            did = x - stays(log, key, group, points)
             squares.setdefault(key, []).append(did**2)
     scales = [sum(float(x.sum()) for x in s) / sum(x.size for x in s) for s in squares.values()]
     each = [np.concatenate([x.mean(axis=1) for x in s]) for s in squares.values()]
@@ -274,7 +274,7 @@ def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
     return Windows(logs, groups, tuple(squares), np.maximum(scales, TINY**2), moving)
 
 
-def _stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:
+def stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:
     """Return the channel extrapolated from the start at constant speed, shape (W, points)."""
     channel, horizon = key
     if channel == "tau" or horizon == WHOLE:

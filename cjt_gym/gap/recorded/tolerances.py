@@ -17,6 +17,8 @@ GUESSED = 1.0
 
 OUTSIDE = 3.0
 """Number of tolerances by which a value has to differ from its datasheet to count as different."""
+FAR = 1.5
+"""The same from which a value within its tolerance is worth a word."""
 LEAST = 0.01
 """Relative deviation that an identified value always has: sensors are no better."""
 SMOOTHING = "dq_0"
@@ -57,6 +59,25 @@ def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[
         f"The joint file states {', '.join(symbols)} but lists no dry friction, so that its "
         "simulation has none, while this diagnosis assumes it. Add [effects.coulomb] to the file."
     ]
+
+
+def strained(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
+    """Return a sentence on values that moved far, though within what counts as their datasheet's.
+
+    Args:
+        file: The datasheet.
+        found: The joint that was found.
+        named: Symbols whose values a diagnosis tells.
+    """
+    said = []
+    for symbol, old in file.parameters.quantities.items():
+        new = found.parameters.quantities.get(symbol)
+        spread = tolerance_of(file, symbol, math.inf) * abs(old.number)
+        if new is None or symbol in named or not 0.0 < spread < math.inf:
+            continue
+        if FAR * spread < abs(new.number - old.number) <= OUTSIDE * spread:
+            said.append(f"{symbol} {new.number:.3g} {old.unit} for {old.number:.3g}")
+    return [f"Refined by 1.5 to 3 times the datasheet's tolerance: {', '.join(said)}."] if said else []
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:

@@ -32,7 +32,7 @@ def unmeasured(record: Record) -> dict[str, tuple[str, str]]:
 
 def _in_place_of(x: FloatArray, command: FloatArray) -> str:
     """Return what a column does in place of a measurement, or "" if it may be one."""
-    known = np.isfinite(command)
+    known = np.isfinite(command) & np.isfinite(x)
     span = np.ptp(command[known]) if known.any() else 0.0
     if span <= 0.0:
         return ""

@@ -110,3 +110,19 @@ def test_a_load_that_leads_on_its_spring_is_no_fault_of_the_rows() -> None:
     angle = moved + 1e-5 * rng.standard_normal(len(moved))
     seen = Record({"i_cmd": torque, "q_m": angle}, {"i_cmd": "A", "q_m": "rad"}, dt=1e-3)
     assert examine([seen], file, shape).faults == ()
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_smooth_command_shows_its_row_by_the_instants(late: int) -> None:
+    """What a multisine does next follows from its past: only its timing tells."""
+    rng = np.random.default_rng(0)
+    t, f = 1e-3 * np.arange(6000), np.arange(0.25, 30.0, 0.25)
+    phase = rng.uniform(0.0, 2.0 * np.pi, len(f))
+    command = (np.sin(2.0 * np.pi * f * t[:, None] + phase) / np.hypot(1.0, f / 3.0)).sum(axis=1)
+    i = np.roll(command, late) + 8e-3 * rng.standard_normal(len(t))
+    speed = 0.02 * np.cumsum(np.roll(command, 1))
+    angle = 1e-3 * np.cumsum(np.roll(speed, 1)) + 1e-5 * rng.standard_normal(len(t))
+    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
+    seen = Record({"t": t, "i_cmd": command, "i": i, "q_m": angle}, units)
+    assert answers_in_its_row(seen) == (late == 0)
+    assert misplaced(seen) == (("i", -1) if late == 0 else None)

@@ -1,0 +1,41 @@
+"""A stretch of a record in which something else acts is told, and nothing else is concluded."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from cjt_gym.gap import diagnose
+from cjt_gym.gap.diagnosis import Diagnosis
+from cjt_gym.records import Record
+from tests.gap.simulator import nominal, simulate
+
+
+def held(t: float, q: float, v: float) -> float:
+    """Return the torque of a hand [N m]."""
+    return -4000.0 * q - 40.0 * v if 1.4 < t < 2.2 else 0.0
+
+
+def told(one: Record, two: Record) -> Diagnosis:
+    """Return what is told of a joint that does what its datasheet says, but for a hand."""
+    return diagnose(one, nominal(), validate=two)
+
+
+@pytest.mark.parametrize("fitted", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_hand_on_the_joint_is_no_joint_that_does_what_its_datasheet_says(fitted: bool) -> None:
+    moved, free = simulate(extra=held), simulate(seed=1)
+    found = told(moved, free) if fitted else told(free, moved)
+    assert found.verdict == "unexplained"
+    assert found.effects == ()
+    said = re.search(r"from ([\d.]+) to ([\d.]+) s: look at what acted", found.unexplained.text)
+    assert said is not None
+    start, stop = (float(x) for x in said.groups())
+    assert 1.3 < start < stop - 0.3 < 2.0
+
+
+@pytest.mark.slow
+def test_a_joint_that_nobody_holds_is_not_said_to_be() -> None:
+    found = told(simulate(), simulate(seed=1))
+    assert found.verdict == "no_gap"
+    assert "look at what acted" not in found.unexplained.text
