@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,15 +13,30 @@ from hypothesis import strategies as st
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.by_stages import Staged, by_stages
 from cjt_gym.gap.recorded.series import stretches
+from cjt_gym.gap.recorded.tolerances import strained
 from cjt_gym.gap.stages.kernel import smooth_speed
 from cjt_gym.gap.stages.smoothing import with_smoothing
 from cjt_gym.joint import Joint, JointFile, get_structure
 from tests.gap.bench import STRUCTURE, joint_of, record_of
+from tests.gap.simulator import nominal
 
 FRICTION = """
 d_cm = { value = 2.5, unit = "N m", source = "no-load current", tolerance = 0.2 }
 [effects.coulomb]
 """
+
+
+@pytest.mark.parametrize(("times", "told"), [(1.0, False), (2.0, True), (4.0, False)])
+def test_a_value_that_moved_far_within_three_tolerances_is_told(times: float, told: bool) -> None:
+    """Beyond three tolerances another sentence says so."""
+    sheet = nominal()
+    k_t = sheet.parameters.quantities["k_t"]
+    moved = replace(k_t, value=k_t.value * (1.0 + times * (k_t.tolerance or 0.0)))
+    found = replace(sheet, parameters=sheet.parameters.replace(k_t=moved))
+    said = strained(sheet, found, ())
+    assert bool(said) == told
+    assert strained(sheet, found, {"k_t"}) == []
+    assert all("k_t 0.0824 N m/A for 0.08" in text for text in said)
 
 
 @pytest.mark.slow

@@ -57,6 +57,28 @@ def test_steps_in_another_unit_are_no_quantization() -> None:
     assert row.why.startswith("q_m has steps 57.3 times")
 
 
+@pytest.mark.parametrize(("times", "said"), [(2, True), (3, False), (4, True)])
+def test_steps_of_edges_that_were_not_counted_are_told(times: int, said: bool) -> None:
+    table = columns()
+    step = times * joint().sensors["q_m"]["resolution"].number
+    found = examine(record(table | {"q_m": step * np.round(table["q_m"] / step)}), joint(), None)
+    assert any("counts_per_rev" in note for note in found.notes) == said
+    assert "quantization" in found.can_tell
+
+
+def test_an_empty_current_is_one_fault_and_nothing_else_is_said_of_it() -> None:
+    table = columns()
+    found = examine(record(table | {"i": np.full(len(table["t"]), np.nan)}), joint(), None)
+    assert [fault for fault in found.faults if fault.startswith("i:")] == [
+        "i: 100 % of the samples are missing."
+    ]
+
+
+def test_a_turned_current_is_not_late() -> None:
+    found = examine(record(against_its_command(columns())), joint(), None)
+    assert not any("follows i_cmd by" in note for note in found.notes)
+
+
 def test_motion_in_few_samples_is_not_said_to_be_none() -> None:
     steps = np.cumsum(np.clip(np.arange(180) - 90, 0, 30) % 30)
     rng = np.random.default_rng(0)
