@@ -187,7 +187,9 @@ def remarked(
             "Something other than the motor moves the joint as well, and no model of the joint "
             "predicts that: see the faults of the log."
         )
-    if {FACTOR, LIMITS, REFLECTED, SCALES, SLOPES, UNITS} & advice:
+    spring = any(e.stage == "transmission" and e.status == "confirmed" for e in found.effects)
+    resolved = found.verdict == "explained" and spring  # it makes tau other than k_b says
+    if {FACTOR, LIMITS, REFLECTED, SCALES, SLOPES, UNITS} & advice and not resolved:
         remarks.append(
             "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "
             "the faults of the log before you rely on the rest."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -91,7 +91,7 @@ def judged(
 
 
 def _told(
-    first: Diagnosis, found: Judgement, excluded: Mapping[str, str], title: str, *, measured: bool
+    first: Diagnosis, found: Judgement, excluded: dict[str, str], title: str, *, measured: bool
 ) -> Diagnosis:
     """Return the diagnosis of the joint that is the answer."""
     if found.answer == "stages":

@@ -77,7 +77,8 @@ def strained(file: JointFile, found: JointFile, named: Collection[str]) -> list[
             continue
         if FAR * spread < abs(new.number - old.number) <= OUTSIDE * spread:
             said.append(f"{symbol} {new.number:.3g} {old.unit} for {old.number:.3g}")
-    return [f"Refined by 1.5 to 3 times the datasheet's tolerance: {', '.join(said)}."] if said else []
+    far = f"{FAR:g} to {OUTSIDE:g} times the datasheet's tolerance"
+    return [f"Refined by {far}: {', '.join(said)}."] if said else []
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:
