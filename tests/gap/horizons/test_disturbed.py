@@ -8,6 +8,9 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.diagnosis import Diagnosis
+from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.disturbed import disturbed
+from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
 from tests.gap.simulator import nominal, simulate
 
@@ -22,7 +25,18 @@ def told(one: Record, two: Record) -> Diagnosis:
     return diagnose(one, nominal(), validate=two)
 
 
-@pytest.mark.parametrize("fitted", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_only_the_record_in_which_it_was_held_has_such_a_stretch() -> None:
+    file, shape = nominal(), get_structure("output_fixed_rigid_gearbox")
+    case = make_case([simulate(extra=held)], [simulate(seed=1)], file, shape)
+    found = disturbed(case.fit, case.joint)
+    assert found is not None
+    assert 1.3 < found.start < found.stop - 0.3 < 2.0
+    assert 0.9 < found.share <= 1.0
+    assert disturbed(case.test, case.joint) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fitted", [True, False])
 def test_a_hand_on_the_joint_is_no_joint_that_does_what_its_datasheet_says(fitted: bool) -> None:
     moved, free = simulate(extra=held), simulate(seed=1)
     found = told(moved, free) if fitted else told(free, moved)
