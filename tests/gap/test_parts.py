@@ -275,6 +275,19 @@ def test_a_wave_of_few_periods_is_found() -> None:
     assert min(abs(start[0] / f - 1.0) for start in starts) < 0.1
 
 
+def test_the_lattice_of_an_encoder_is_no_wave() -> None:
+    made, step = simulate(seconds=4.0), 2e-4
+    made = made.with_columns({"q_m": step * np.round(made["q_m"] / step)})
+    setting = make_setting(made, nominal(), get_structure(FIXED))
+    problem = Problem.of(Stages(setting))
+    base = problem.fit(Model(), np.zeros(len(problem.shared)))
+    fields = problem.fields(base.model, base.z)
+    residual = problem.stages.first(base.residuals)["motor"]
+    starts = periodic_starts(problem.stages, fields, residual, "cog")
+    assert starts
+    assert max(f for f, _, _ in starts) < np.pi / step
+
+
 def test_a_replay_follows_an_independent_simulation() -> None:
     record = simulate(seconds=2.0)
     setting = make_setting(record, nominal(), get_structure(FIXED))

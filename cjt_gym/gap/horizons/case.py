@@ -78,7 +78,7 @@ def make_case(
     return Case(joint, tuple(logs), fit, test, every, response, bool(other))
 
 
-def sharp(case: Case, joints: Iterable[Joint]) -> Case:
+def sharp(case: Case, joints: Iterable[Joint], most: float = 1.0) -> Case:
     """Return a case whose predictions start from states smoothed no longer than suits the records.
 
     Smoothing blurs the speed where friction turns round or a spring rings, and what is not smoothed
@@ -99,7 +99,8 @@ def sharp(case: Case, joints: Iterable[Joint]) -> Case:
         min(sum(float(np.mean(one.fit.errors(joint)[k] ** 2)) for k in keys) for joint in joints)
         for one in cases
     ]
-    return cases[int(np.argmin(costs))]
+    best = int(np.argmin(costs))
+    return cases[best] if costs[best] <= most * costs[0] else case
 
 
 def by_angle(case: Case) -> Case:

@@ -54,6 +54,9 @@ KEPT = 0.1
 """Relative deviation that the final fit allows the inertia."""
 CONSTANT = "torque_constant"
 """What all other values make up for, off in proportion, where no torque is measured."""
+SHARPER = 0.7
+"""Cost of other states, relative to those that suit the datasheet, from which a fit takes them: it
+is halved or more where a guess was far off."""
 BALANCED = 3
 """Maximum number of times that the weights of horizons where a joint is worse are doubled."""
 
@@ -96,7 +99,7 @@ def judge(
         return _settled(case, joints, best)
     base, terms = _proposed(case, own, excluded)
     plain = best_start(Problem(case.fit), base)
-    case = sharp(case, [plain.model.at(plain.z)])
+    case = sharp(case, [plain.model.at(plain.z)], SHARPER)
     problem, test = Problem(case.fit), Problem(case.test)
     found = search(
         problem, base, terms, suspects, progress,

@@ -63,6 +63,10 @@ def periodic_starts(
     response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std
     left = _without_trends(residual, response, v, tau)
     frequencies, power = _spectrum(left, response, q, v * s.series.dt, weight)
+    step = s.noise["q_m"].lattice if "q_m" in s.noise else 0.0
+    if step > 0.0:  # a wave shorter than two steps is an echo of the encoder's own lattice
+        power = power[frequencies < np.pi / step]
+        frequencies = frequencies[frequencies < np.pi / step]
     if frequencies.size == 0:
         return ()
     peaks, _ = find_peaks(power)
