@@ -261,29 +261,28 @@ def test_a_fit_that_begins_where_a_model_runs_away_ends_there() -> None:
     assert found.z.tolist() == z.tolist()
 
 
+def waves(made: Record, kind: str) -> tuple[tuple[float, float, float], ...]:
+    """Return the waves over the angle that the datasheet's joint leaves in a record."""
+    problem = Problem.of(Stages(make_setting(made, nominal(), get_structure(FIXED))))
+    base = problem.fit(Model(), np.zeros(len(problem.shared)))
+    fields = problem.fields(base.model, base.z)
+    residual = problem.stages.first(base.residuals)["motor"]
+    return periodic_starts(problem.stages, fields, residual, kind)
+
+
 def test_a_wave_of_few_periods_is_found() -> None:
     """Ripple that repeats with the angle two and a half times over the travel of a held joint."""
     still = simulate(seconds=4.0)
     f = 2.0 * np.pi * 2.4 / np.ptp(still["q_m"])
     made = simulate(seconds=4.0, extra=lambda _, q, __: -0.06 * np.cos(f * q) * TRUE["k_b"] * q)
-    setting = make_setting(made, nominal(), get_structure(FIXED))
-    problem = Problem.of(Stages(setting))
-    base = problem.fit(Model(), np.zeros(len(problem.shared)))
-    fields = problem.fields(base.model, base.z)
-    residual = problem.stages.first(base.residuals)["motor"]
-    starts = periodic_starts(problem.stages, fields, residual, "rip")
+    starts = waves(made, "rip")
     assert min(abs(start[0] / f - 1.0) for start in starts) < 0.1
 
 
 def test_the_lattice_of_an_encoder_is_no_wave() -> None:
     made, step = simulate(seconds=4.0), 2e-4
     made = made.with_columns({"q_m": step * np.round(made["q_m"] / step)})
-    setting = make_setting(made, nominal(), get_structure(FIXED))
-    problem = Problem.of(Stages(setting))
-    base = problem.fit(Model(), np.zeros(len(problem.shared)))
-    fields = problem.fields(base.model, base.z)
-    residual = problem.stages.first(base.residuals)["motor"]
-    starts = periodic_starts(problem.stages, fields, residual, "cog")
+    starts = waves(made, "cog")
     assert starts
     assert max(f for f, _, _ in starts) < np.pi / step
 

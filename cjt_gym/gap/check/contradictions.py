@@ -190,8 +190,8 @@ def miscounted(view: View) -> list[str]:
     """Return remarks on angles whose steps are twice or four times those of their encoder."""
     return [
         f"{name} has steps {factor:.3g} times the resolution that the joint file states: its "
-        "encoder is coarser, or counts_per_rev of the mapping is as many times too small (an "
-        "encoder of two tracks has four counts a line)."
+        "encoder is coarser, or counts_per_rev of the mapping is that many times too small "
+        "(an encoder of two tracks has four counts a line)."
         for name, channel in view.channels.items()
         if (factor := _times_coarser(view, name, channel)) is not None and is_count(factor)
     ]

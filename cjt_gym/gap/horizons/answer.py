@@ -165,6 +165,8 @@ def at_the_floor(told: Diagnosis, file: JointFile, *, measured: bool) -> Diagnos
         file: The nominal joint, with its structure.
         measured: Whether the current was measured.
     """
+    if told.suggestion.text == UNDISTURBED:
+        return told  # what acted without a pattern is in the floor, too
     gap, ahead = told.gap, [row for row in told.horizons if row.seconds > min(HORIZONS)]
     errors = [(row.datasheet, row.floor or 0.0, row.found) for row in ahead]
     errors.append((gap.before, gap.floor, gap.after))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.diagnosis import Diagnosis
+from cjt_gym.gap.diagnosis import Diagnosis, Horizon, Interval, NamedEffect, Suggestion
+from cjt_gym.gap.horizons.answer import UNDISTURBED, _with_counts, at_the_floor
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.disturbed import disturbed
+from cjt_gym.gap.report.gather import nothing_said
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
 from tests.gap.simulator import nominal, simulate
@@ -53,3 +56,24 @@ def test_a_joint_that_nobody_holds_is_not_said_to_be() -> None:
     found = told(simulate(), simulate(seed=1))
     assert found.verdict == "no_gap"
     assert "look at what acted" not in found.unexplained.text
+
+
+def test_what_acted_stays_told_where_the_floor_holds_it_too() -> None:
+    file, shape = nominal(), get_structure("output_fixed_rigid_gearbox")
+    blank = nothing_said(file, shape, [], [], "")
+    rows = (Horizon(0.1, "q_m", 0.3, None, 0.3, 0.3),)
+    quiet = replace(blank, verdict="unexplained", horizons=rows)
+    assert at_the_floor(quiet, file, measured=True).verdict == "no_gap"
+    told = replace(quiet, suggestion=Suggestion(UNDISTURBED))
+    assert at_the_floor(told, file, measured=True) is told
+
+
+@pytest.mark.parametrize(("times", "status"), [(3.0, "confirmed"), (4.0, "tentative")])
+def test_steps_that_may_be_miscounted_are_not_confirmed(times: float, status: str) -> None:
+    file = nominal()
+    step = times * file.sensors["q_m"]["resolution"].number
+    numbers = {"resolution": Interval(step, step, step, "rad")}
+    row = NamedEffect("quantization", "sensing", None, "q_m", numbers, "confirmed", 0.95, 0.5)
+    blank = nothing_said(file, get_structure("output_fixed_rigid_gearbox"), [], [], "")
+    (found,) = _with_counts(replace(blank, effects=(row,)), file).effects
+    assert found.status == status
