@@ -17,7 +17,7 @@ from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError, check_range
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.recorded.orient import orient
-from cjt_gym.gap.recorded.series import ENOUGH, same_file
+from cjt_gym.gap.recorded.series import SHORTEST, same_file
 from cjt_gym.gap.recorded.usable import check_one_joint
 from cjt_gym.gap.report import WIDTH, summary, write_report
 from cjt_gym.joint import (
@@ -238,7 +238,7 @@ def _read(
     for word in words:
         found, notes = read_log(word, options.mapping, options.seconds, joint.gear_ratio)
         pieces = sorted(found, key=len, reverse=True)
-        records += [piece for piece in pieces if len(piece) >= ENOUGH] or pieces
+        records += [piece for piece in pieces if len(piece) >= SHORTEST] or pieces
         repairs += notes
     return records, repairs
 

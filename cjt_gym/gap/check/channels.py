@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,13 +68,22 @@ class Channel:
         }
 
 
-def channels_of(record: Record, joint: JointFile | None) -> dict[str, Channel]:
-    """Return the measured channels of a record; those without any sample are left out."""
-    names = (name for name in record.columns if measured(name, record))
-    return {
-        name: _channel(record, joint, name, record[name][np.isfinite(record[name])])
-        for name in names
-    }
+def channels_of(records: Sequence[Record], joint: JointFile | None) -> dict[str, Channel]:
+    """Return the channels that the longest record measured, with their ranges in all records.
+
+    Noise and resolution are those of the longest record in which a channel changes.
+    """
+    ordered = sorted(records, key=len, reverse=True)
+    found = {}
+    for name in ordered[0].columns:
+        own = [record for record in ordered if name in record and measured(name, record)]
+        if own and own[0] is ordered[0]:
+            values = [record[name][np.isfinite(record[name])] for record in own]
+            at = next((k for k, x in enumerate(values) if np.ptp(x) > 0.0), 0)
+            channel = _channel(own[at], joint, name, values[at])
+            low, high = (float(f(np.concatenate(values))) for f in (np.min, np.max))
+            found[name] = replace(channel, low=low, high=high)
+    return found
 
 
 def measured(name: str, record: Record) -> bool:

@@ -28,8 +28,18 @@ JITTER = 0.2
 
 
 def clock(records: Sequence[Record]) -> list[str]:
-    """Return sentences on the sampling times of records, but for gaps."""
-    return list(dict.fromkeys(said for steps in _steps(records) for said in _uneven(steps)))
+    """Return sentences on the sampling times of records, but for gaps.
+
+    Of records whose intervals jitter, such as the pieces of one log, that with the widest counts.
+    """
+    mixed, jitters = [], []
+    for steps in _steps(records):
+        if _kinds(steps) is not None:
+            mixed.append(steps)
+        elif _jitters(steps):
+            jitters.append(steps)
+    worst = [max(jitters, key=lambda steps: np.quantile(steps, 0.95))] if jitters else []
+    return list(dict.fromkeys(map(_uneven, [*mixed, *worst])))
 
 
 def gaps(records: Sequence[Record]) -> list[str]:
@@ -64,18 +74,19 @@ def even(steps: Floats) -> bool:
     return bool(high < (1.0 + JITTER) * low)
 
 
-def _uneven(steps: Floats) -> list[str]:
-    dt, found = float(np.median(steps)), []
+def _jitters(steps: Floats) -> bool:
+    return bool(np.mean(np.abs(steps / np.median(steps) - 1.0) > JITTER) > SHARE)
+
+
+def _uneven(steps: Floats) -> str:
     if (kinds := _kinds(steps)) is not None:
         short, slow, share = kinds
-        found.append(
+        return (
             f"The sampling is mixed: {1e3 * short:.3g} and {1e3 * slow:.3g} ms, the longer ones "
             f"{100.0 * share:.2g} % of the intervals."
         )
-    elif np.mean(np.abs(steps / dt - 1.0) > JITTER) > SHARE:
-        low, high = 1e3 * np.quantile(steps, [0.05, 0.95])
-        found.append(f"The sampling jitters: intervals of {low:.3g} to {high:.3g} ms.")
-    return found
+    low, high = 1e3 * np.quantile(steps, [0.05, 0.95])
+    return f"The sampling jitters: intervals of {low:.3g} to {high:.3g} ms."
 
 
 def _kinds(steps: Floats) -> tuple[float, float, float] | None:

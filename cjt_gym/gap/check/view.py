@@ -36,7 +36,7 @@ class View:
     records: tuple[Record, ...]
     joint: JointFile | None  # the nominal joint; None if unknown
     structure: Structure
-    channels: Mapping[str, Channel]  # properties of each channel, from the longest record
+    channels: Mapping[str, Channel]  # properties of each channel of the longest record
     logged: tuple[Record, ...]  # as they were logged, before short gaps were filled
 
     @classmethod
@@ -46,7 +46,7 @@ class View:
         """Return the view of one or several records, the short gaps of which are filled."""
         logged, (records, _) = tuple(records), bridged(records)
         longest = max(records, key=len)
-        channels = channels_of(longest, joint)
+        channels = channels_of(records, joint)
         shape = structure or _likely(longest, channels, joint)
         known = None if joint is None else as_values(joint, shape)
         return cls(records, known, shape, channels, logged)
@@ -283,7 +283,7 @@ class View:
 
     @property
     def at_rest(self) -> bool:
-        """Whether no angle, velocity or torque leaves its noise in the longest record."""
+        """Whether no angle, velocity or torque leaves its noise."""
         moved = [c for n, c in self.channels.items() if n in MOTION]
         return bool(moved) and all(c.span < STILL * c.noise for c in moved)
 

@@ -150,8 +150,8 @@ class Stretch:
 def stretches(records: Sequence[Record]) -> list[Stretch]:
     """Return the stretches of records that are long enough, those of a log longest first.
 
-    A predictor that has to guess what happened in a gap takes long to recover. Where no stretch
-    of a record is long enough it is taken as a whole.
+    A predictor that has to guess what happened in a gap takes long to recover. Shorter stretches
+    are taken where the others are less than half of a log, and the longest where all are short.
     """
     found, seen = [], set[int]()
     for record in records:
@@ -160,8 +160,10 @@ def stretches(records: Sequence[Record]) -> list[Stretch]:
             continue
         seen.add(id(log[0]))
         parts = [part for one in log for part in _unbroken(one)]
-        enough = [part for part in parts if len(part) >= ENOUGH] or [max(parts, key=len)]
-        enough.sort(key=len, reverse=True)
+        parts.sort(key=len, reverse=True)
+        enough = [part for part in parts if len(part) >= ENOUGH]
+        if sum(map(len, enough)) < sum(map(len, log)) / 2:
+            enough = [part for part in parts if len(part) >= SHORTEST] or parts[:1]
         found += [Stretch(part, log) for part in enough[:MOST]]
     return found
 
