@@ -2,6 +2,7 @@
 
 `compiled` and `threaded` functions are called from Python. `lean` and `inlined` ones are called by
 other compiled functions only, with which they are compiled; called from Python they run as Python.
+`shared` ones are kept apart, as compiling them takes long.
 All but `compiled` ones allocate nothing: their arrays are borrowed, so that no reference is
 counted (Numba's option `_nrt`), which makes small functions several times faster.
 
@@ -76,6 +77,14 @@ def inlined(function: Function) -> Function:
     """Compile a lean function into its callers, as passing its arrays would cost more."""
     inner: Function = register_jitable(forceinline=True, **INNER)(function)
     return inner
+
+
+def shared(function: Function) -> Function:
+    """Compile an inlined function once for all its callers, and keep it on disk.
+
+    For a large one with several callers, which would each wait for it in every new program.
+    """
+    return _kept(function, forceinline=True, nogil=True, **INNER)
 
 
 def reordered(function: Function) -> Function:

@@ -33,7 +33,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import compiled, inlined, lean
+from cjt_gym.joint.compiled import compiled, inlined, lean, threaded
 from cjt_gym.joint.current_loop import closes, regulated_command, terminal_volts
 from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
 from cjt_gym.joint.drives import CURRENT, shaped_command
@@ -154,6 +154,14 @@ def control_step(
     return True
 
 
+@threaded
+def one_step(
+    batch: Batch, setup: Setup, i: int, command: float, command_d: float, load: float, work: Floats
+) -> bool:
+    """Do what `control_step` does, compiled once for all its callers and kept on disk."""
+    return control_step(batch, setup, i, command, command_d, load, work)
+
+
 inlined_step: Any = inlined(FunctionType(control_step.__code__, globals(), "inlined_step"))
 """`control_step` compiled into its caller: twice as fast in a long loop, longer to compile."""
 
@@ -194,7 +202,7 @@ def step_batch(
         if is_disturbed(batch.p[i]):
             memory, k = batch.memory[i], batch.samples[i]
             pushed = disturbed_load(batch.p[i], memory, setup, batch.rng, i, k, pushed)
-        good = control_step(batch, setup, i, commands[i, 0], commands[i, 1], pushed, work)
+        good = one_step(batch, setup, i, commands[i, 0], commands[i, 1], pushed, work)
         if not good and failed < 0:
             failed = i
     return failed
@@ -218,6 +226,7 @@ def simulate(
         The number of samples written before the state ceased to be finite.
     """
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
+    only = 0 * len(commands)  # for a literal 0, `one_step` would be compiled once more
     for k in range(commands.shape[0]):
         p, memory = batch.p[0], batch.memory[0]
         pushed = disturbed_load(p, memory, setup, batch.rng, 0, batch.samples[0], load[k])
@@ -231,6 +240,6 @@ def simulate(
         true[k, 7], true[k, 8] = batch.currents[0, 0], batch.currents[0, 1]
         true[k, 9], true[k, 10] = memory[VOLTS], memory[VOLTS + 1]
         true[k, 11] = memory[K_M] * batch.currents[0, 0]
-        if not control_step(batch, setup, 0, commands[k, 0], commands[k, 1], pushed, work):
+        if not one_step(batch, setup, only, commands[k, 0], commands[k, 1], pushed, work):
             return k + 1
     return int(commands.shape[0])

@@ -21,7 +21,7 @@ from cjt_gym.joint.arrays import (
     OneJoint,
     Setup,
 )
-from cjt_gym.joint.compiled import inlined, lean
+from cjt_gym.joint.compiled import lean, shared
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.resistance import prepare
 from cjt_gym.joint.substep import substep
@@ -49,7 +49,7 @@ def restore(joint: OneJoint) -> None:
     memory[MESH] = work[SAVED, 4]
 
 
-@inlined
+@shared
 def careful_substep(
     joint: OneJoint, a: Floats, b: Floats, command: float, command_d: float, load: float
 ) -> float:

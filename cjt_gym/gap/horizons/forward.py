@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.log import Log
-from cjt_gym.gap.horizons.observer import Given, observed, one_step
+from cjt_gym.gap.horizons.observer import Given, observed
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import (
     HOUSING,
@@ -27,7 +27,7 @@ from cjt_gym.joint.arrays import (
 from cjt_gym.joint.batch import DELAYS, JointBatch, longest_substep
 from cjt_gym.joint.compiled import threaded
 from cjt_gym.joint.heat import cool, temper, warm
-from cjt_gym.joint.kernel import inlined_step, restart
+from cjt_gym.joint.kernel import inlined_step, one_step, restart
 from cjt_gym.joint.lanes import Blocks, Kind, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.lanes.vectors import WIDTH
 
@@ -164,7 +164,7 @@ def run_side_by_side(
             if advance_blocks(batch, setup, kind, blocks, command, load, (0, 1, 0)) > 0:
                 for i in range(width):
                     left = blocks.left[i]
-                    if left and not one_step(batch, setup, i, command[i, 0], load[i], work):
+                    if left and not one_step(batch, setup, i, command[i, 0], 0.0, load[i], work):
                         for column in range(8):
                             batch.measured[i, column] = np.nan
 

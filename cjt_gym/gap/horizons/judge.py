@@ -32,10 +32,10 @@ from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
 from cjt_gym.gap.horizons.rows import candidates, cogging, gravity, likelier, scales_of
-from cjt_gym.gap.horizons.search import LOUDLY, search
+from cjt_gym.gap.horizons.search import search
 from cjt_gym.gap.horizons.starts import best_start
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, relative
-from cjt_gym.gap.horizons.worth import Worth, worth
+from cjt_gym.gap.horizons.worth import LOUDLY, Worth, worth
 from cjt_gym.gap.recorded.tolerances import OUTSIDE
 from cjt_gym.joint import Joint
 

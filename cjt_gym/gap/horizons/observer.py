@@ -15,7 +15,7 @@ from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Batch, Setup
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.compiled import threaded
-from cjt_gym.joint.kernel import control_step, restart
+from cjt_gym.joint.kernel import one_step, restart
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -45,12 +45,6 @@ class Given(NamedTuple):
 
 
 @threaded
-def one_step(batch: Batch, setup: Setup, i: int, command: float, load: float, work: Floats) -> bool:
-    """Advance joint i by one sample, for all callers; return whether it stays finite."""
-    return control_step(batch, setup, i, command, 0.0, load, work)
-
-
-@threaded
 def follow(
     batch: Batch,
     setup: Setup,
@@ -76,6 +70,7 @@ def follow(
     """
     (commands, loads, states), (angles, whole) = given, seen
     state = batch.state[0]
+    only = 0 * len(states)  # for a literal 0, `one_step` would be compiled once more
     good = False
     for k in range(states.shape[0]):
         if good:
@@ -92,7 +87,7 @@ def follow(
             restart(batch, setup, 0, loads[k], work)
         for j in range(6):
             out[k, j] = state[j]
-        good = whole[k] and one_step(batch, setup, 0, commands[k], loads[k], work)
+        good = whole[k] and one_step(batch, setup, only, commands[k], 0.0, loads[k], work)
 
 
 def observed(joint: Joint, batch: JointBatch, log: Log, given: Given, work: Floats) -> Floats:

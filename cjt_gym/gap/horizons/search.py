@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.grow import beyond, extend, is_needed, leaves, priced
 from cjt_gym.gap.horizons.model import Model, Term
 from cjt_gym.gap.horizons.rivals import ALIKE, FIRST, rivals_of
 from cjt_gym.gap.horizons.starts import afresh, apart, begin, best_start, inverse_starts, seeded
-from cjt_gym.gap.horizons.worth import Worth, worth
+from cjt_gym.gap.horizons.worth import LOUDLY, Worth, worth
 
 PATIENCE = 60_000_000
 """Number of predicted samples (half a minute of work or more) after which the search stops."""
@@ -21,9 +21,6 @@ MOST = 6
 """Maximum number of terms that an extension adds."""
 SWAPS = 2
 """Maximum number of final replacements of one term by another."""
-LOUDLY = 5.0
-"""Multiple of its price by which a term that the record hardly shows must lower the cost on
-held-out data to be added: several terms are tried on them."""
 WITHIN = 0.5
 """Rows up to which a dead time is none."""
 LATE, WARM, EDGE = "late", "warm", 0.02
@@ -156,7 +153,7 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term, held: Held) ->
     if _at_an_edge(problem, more, own):
         return False
     found = worth(problem, less, more, term)
-    if found.fall > found.price and not found.seen and term.tight is None:
+    if found.fall > found.price and not found.enough and term.tight is None:
         gained = held(less) - held(more)
         found = replace(found, held=gained if gained > LOUDLY * found.price else 0.0)
     return found.enough and _is_seen_throughout(term, found)

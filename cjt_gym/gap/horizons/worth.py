@@ -17,6 +17,9 @@ CLEAR = 2.5
 """Least cost reduction over the pieces of the record, in its own standard deviations."""
 BROAD = 0.05
 """Share of the pieces, the best ones, without which a term must still lower the cost."""
+LOUDLY = 5.0
+"""Multiple of its price by which a term must lower the cost on held-out data where the fitted ones
+hardly show it, or show it in few pieces only."""
 QUIET = 0.2
 """Share of the usual error below which the error of a piece hardly matters."""
 
@@ -47,7 +50,12 @@ class Worth:
     def enough(self) -> bool:
         """Whether the record supports the term, clearly or confirmed by held-out data."""
         agreed = self.seen or self.strained
-        return self.fall > self.price and agreed and self.rest > 0.3 * self.price
+        return self.fall > self.price and agreed and self.broad
+
+    @property
+    def broad(self) -> bool:
+        """Whether more than a few pieces show the term, or held-out data repeat it."""
+        return self.rest > 0.3 * self.price or self.held > LOUDLY * self.price
 
     @property
     def seen(self) -> bool:
