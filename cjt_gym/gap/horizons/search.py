@@ -202,7 +202,7 @@ def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
         weak = [
             k
             for k in own
-            if not worths[k].enough
+            if not (worths[k].enough or worths[k].repeated)
             or not _is_seen_throughout(fit.model.terms[k], worths[k])
             or _at_an_edge(problem, fit, k)
         ]

@@ -58,6 +58,11 @@ class Worth:
         return self.rest > 0.3 * self.price or self.held > LOUDLY * self.price
 
     @property
+    def repeated(self) -> bool:
+        """Whether held-out data show the term loudly, and the fitted ones nothing against it."""
+        return self.fall > -self.price and self.held > LOUDLY * self.price
+
+    @property
     def seen(self) -> bool:
         """Whether errors support the term, and not only the datasheet."""
         return self.clear > self.needed or self.held > self.price
