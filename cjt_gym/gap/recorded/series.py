@@ -23,8 +23,9 @@ Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
 SHORTEST = 100
 """Minimum number of samples for a diagnosis."""
-ENOUGH, MOST = 500, 8
-"""Number of samples of a stretch that is worth having, and of such stretches of one log."""
+ENOUGH, BRIEF, MOST = 500, 150, 8
+"""Number of samples of a stretch that is worth having, of one that will do where a log has few of
+them, as a fifth of it may be held out, and of such stretches of one log."""
 SLOW = 4e-3
 """Sample time above which a log is slower than the control of any drive [s]."""
 START = 0.01
@@ -163,7 +164,7 @@ def stretches(records: Sequence[Record]) -> list[Stretch]:
         parts.sort(key=len, reverse=True)
         enough = [part for part in parts if len(part) >= ENOUGH]
         if sum(map(len, enough)) < sum(map(len, log)) / 2:
-            enough = [part for part in parts if len(part) >= SHORTEST] or parts[:1]
+            enough = [part for part in parts if len(part) >= BRIEF] or parts[:1]
         found += [Stretch(part, log) for part in enough[:MOST]]
     return found
 
