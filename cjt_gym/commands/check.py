@@ -43,7 +43,8 @@ def run(options: argparse.Namespace) -> Answer:
     found = examine(records, joint, structure)
     known = {*found.faults, *found.notes}
     taken = (r.text for r in repairs if r.kind == "unit" and r.text not in known)
-    found = replace(found, notes=(*found.notes, *taken))
+    cut = tuple(r.text for r in repairs if r.kind == "cut" and r.text not in known)
+    found = replace(found, notes=(*found.notes, *taken), faults=(*cut, *found.faults))
     return to_json(found), in_words(found, WIDTH)
 
 

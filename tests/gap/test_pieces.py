@@ -95,6 +95,23 @@ def test_a_check_tells_the_range_of_all_pieces(log: Path) -> None:
     assert not found.at_rest
 
 
+def test_a_check_tells_where_a_log_is_cut(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(log)]) == 0
+    assert "No rows for up to 1 s in 5 places" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rows", [90, 100, 120, 130])
+def test_a_piece_of_any_length_leaves_the_others_their_say(rows: int) -> None:
+    t = DT * np.arange(1000.0)
+    units = {"t": "s", "q_m": "rad", "i_cmd": "A"}
+    long, brief = (
+        Record({"t": t[:n], "q_m": np.sin(t[:n]), "i_cmd": np.cos(t[:n])}, units)
+        for n in (600, rows)
+    )
+    assert [len(one) for one in stretches([brief, long])] == [600]
+    assert [len(one) for one in stretches([brief])] == [rows]
+
+
 def test_the_jitter_of_pieces_is_told_once() -> None:
     rng = np.random.default_rng(0)
     pieces = [

@@ -17,6 +17,7 @@ from cjt_gym.gap.recorded.tolerances import strained
 from cjt_gym.gap.stages.kernel import smooth_speed
 from cjt_gym.gap.stages.smoothing import with_smoothing
 from cjt_gym.joint import Joint, JointFile, get_structure
+from cjt_gym.joint.quantity import Quantity
 from tests.gap.bench import STRUCTURE, joint_of, record_of
 from tests.gap.simulator import nominal
 
@@ -37,6 +38,20 @@ def test_a_value_that_moved_far_within_three_tolerances_is_told(times: float, to
     assert bool(said) == told
     assert strained(sheet, found, {"k_t"}) == []
     assert all("k_t 0.0824 N m/A for 0.08" in text for text in said)
+
+
+def test_a_value_with_a_wide_tolerance_that_moves_beyond_it_is_told(tmp_path: Path) -> None:
+    """It is free like a guess, so that nothing else tells of it."""
+    sheet = joint_of(tmp_path).file
+    wide = Quantity(sheet.parameters.d_m, "N m s/rad", "test", 0.3)
+    file = replace(sheet, parameters=sheet.parameters.replace(d_m=wide))
+    far = replace(sheet, parameters=sheet.parameters.replace(d_m=4.0 * wide.number))
+    (said,) = strained(file, far, ())
+    assert "more than 3 times the datasheet's tolerance: d_m" in said
+    guess = replace(file, parameters=file.parameters.replace(d_m=replace(wide, guess=True)))
+    assert strained(guess, far, ()) == []
+    near = replace(sheet, parameters=sheet.parameters.replace(d_m=1.2 * wide.number))
+    assert strained(file, near, ()) == []
 
 
 @pytest.mark.slow

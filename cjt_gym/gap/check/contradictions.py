@@ -30,6 +30,9 @@ LINEAR = 0.98
 """Least correlation of these averages for them to be proportional, and not clipped, say."""
 FEWEST = 20
 """Fewest averages from which a factor is determined."""
+LIKE, UNLIKE = 0.2, 0.5
+"""Difference of a column from the command, relative to it, up to which it could be its current, and
+from which on it could not."""
 SAME = 0.9
 """Least correlation of two channels that represent the same motion."""
 TORQUES, ALIKE = 2.0, 0.7
@@ -105,7 +108,22 @@ def currents(view: View) -> list[str]:
         same = view.channels[one].unit == view.channels[other].unit
         if off is not None and (same or times != 1.0) and abs(off - 1.0) > limit:
             found.append(f"{other} is {plain(off)} times {words}.")
-    return found
+    return _exchanged(view) or found
+
+
+def _exchanged(view: View) -> list[str]:
+    """Return a sentence if the torque equals the commanded current, and the current does not."""
+    if not all(name in view for name in ("i_cmd", "i", "tau")):
+        return []
+    wanted, i, tau = (
+        np.concatenate([piece[name][piece["valid"] > 0.0] for piece in view.stretches])
+        for name in ("i_cmd", "i", "tau")
+    )
+    size = float(np.linalg.norm(wanted))
+    apart = [float(np.linalg.norm(x - wanted)) for x in (tau, i)]
+    if not apart[0] < LIKE * size or not apart[1] > UNLIKE * size:
+        return []
+    return ["tau follows i_cmd as a current does, and i does not: are their columns exchanged?"]
 
 
 def torques(view: View) -> list[str]:

@@ -110,7 +110,7 @@ def judge(
         return judge(case, stages, progress, suspects, excluded, explained=explained, timed=True)
     found = _beyond_tolerance(problem, test, found)
     tests = _tested(problem, test, found)[1]
-    searched, found = found, _polished(case, problem, found, joints)
+    searched, found = found, _polished(case, problem, test, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
     joints["base"] = found.base.model.at(found.base.z)
     best = best_of(case, test, joints, enough)
@@ -231,16 +231,23 @@ def _deafer(problem: Problem, less: Fit, more: Fit) -> bool:
     return one - other > DEAFER
 
 
-def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Joint]) -> Found:
+def _polished(
+    case: Case, problem: Problem, test: Problem, found: Found, joints: dict[str, Joint]
+) -> Found:
     """Return a search refitted to predict best, with its inertia nearly unchanged.
 
-    Horizons at which it would be worse than datasheet or least squares get more weight.
+    That of the datasheet is taken if it predicts better, held-out data included: slow motion does
+    not tell an inertia, and the search then ends at a small one. Horizons at which it would be worse than datasheet or
+    least squares get more weight.
     """
     problem = replace(problem)
     problem.force = 0.0
-    model, z = _with_inertia_kept(found.fit.model, found.fit.z)
     limits = [relative(case.fit, case.fit.errors(joints[n])) for n in joints if n != "stages"]
-    fit = problem.fit(model, z)
+    kept = [_with_inertia_kept(found.fit.model, found.fit.z, stated=s) for s in (True, False)]
+    stated, fit = (problem.fit(*one) for one in kept)
+    if stated.cost + test.scored(stated).cost < fit.cost + test.scored(fit).cost:
+        fit = stated
+    model = fit.model
     for _ in range(BALANCED):
         errors = dict(zip(case.fit.keys, fit.relative(), strict=True))
         worse = [any(errors[key] > limit[key] for limit in limits) for key in case.fit.keys]
@@ -252,12 +259,13 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
     return replace(found, fit=fit)
 
 
-def _with_inertia_kept(model: Model, z: Floats) -> tuple[Model, Floats]:
-    """Return a model whose inertia is held near its current value, and coordinates."""
+def _with_inertia_kept(model: Model, z: Floats, *, stated: bool) -> tuple[Model, Floats]:
+    """Return a model whose inertia is held near its current or stated value, and coordinates."""
     terms, z = [], z.copy()
     for k, (term, values) in enumerate(zip(model.terms, model.values(z), strict=True)):
         if term.name == "inertia":
-            number = replace(term.numbers[0], start=values[0], scale=KEPT)
+            start = term.numbers[0].start if stated else values[0]
+            number = replace(term.numbers[0], start=start, scale=KEPT)
             term = replace(term, numbers=(number,))
             z[model.span(k)] = 0.0
         terms.append(term)

@@ -35,7 +35,7 @@ DRIVING = ("i", "i_cmd", "v", "tau_cmd", "tau_m", "tau_l")
 FOLLOWED = 0.1
 """Largest share of a current's variance that its command may leave unexplained."""
 FEWEST = 100
-"""Samples that a usable channel must exceed."""
+"""Fewest samples of a usable channel."""
 Drive = Literal["i", "i_cmd", "v"]
 
 
@@ -169,7 +169,7 @@ def to_log(
         RecordError: Nothing drives the joint, or nothing that could be predicted was measured.
     """
     columns = {name: record[name] for name in record.columns if name != "t"}
-    columns = {n: x for n, x in columns.items() if np.isfinite(x).sum() > FEWEST}
+    columns = {n: x for n, x in columns.items() if np.isfinite(x).sum() >= FEWEST}
     t = record.t
     dt = float(np.median(np.diff(t)))
     every = 1

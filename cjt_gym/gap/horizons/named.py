@@ -244,6 +244,7 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
     worth, test = found.worths[index], judged.tests[index] if judged.tests else None
     names = {t.name for t in found.fit.model.terms}
     strained = _strained(judged, term)
+    theirs = "its tolerance" if len(strained) == 1 else "their tolerances"
     doubts = (
         (bool(alike), _instead(alike)),
         (
@@ -286,7 +287,7 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
             unknown_row(judged) is not None,
             "this record does not tell how much stays unexplained",
         ),
-        (bool(strained), f"{' and '.join(strained)} had to leave its tolerance beside it"),
+        (bool(strained), f"{' and '.join(strained)} had to leave {theirs} beside it"),
     )
     return next((why for holds, why in doubts if holds), "")
 

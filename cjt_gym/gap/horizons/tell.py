@@ -97,7 +97,7 @@ def retold(
         effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)
     rows = judged.rows
     stages = stages_of(first, judged, effects)
-    verdict = verdict_of(judged, effects, suspected=bool(first.effects))
+    verdict = verdict_of(judged, effects, suspected=bool(first.effects) or not staged)
     stages = marked(stages, verdict, (*effects, *first.effects))
     unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:

@@ -113,7 +113,7 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
     Args:
         judged: The judgement.
         effects: Named effects.
-        suspected: Whether the stages have named any effects.
+        suspected: Whether the stages have named any effects, or could not be judged.
     """
     worst = worst_row(judged)
     loud = worst.found > (LOUD if worst.seconds != WHOLE else DRIFTLESS)

@@ -47,7 +47,7 @@ JITTERED = 0.03
 """Deviation of the sampling times that a channel shows, in samples, above which it may scatter by
 the clock: on two simulated logs whose clock jittered by 0.10 and 0.12 samples and whose noise was
 as stated, the rest of it passed for 1.4 and 2.3 times that noise."""
-CLOCK = "the sampling times jitter, which scatters this channel as well"
+CLOCK = "it scatters with its slope, as if the sampling times jittered"
 """Doubt of the noise of such a channel."""
 
 

@@ -152,7 +152,7 @@ def stretches(records: Sequence[Record]) -> list[Stretch]:
     """Return the stretches of records that are long enough, those of a log longest first.
 
     A predictor that has to guess what happened in a gap takes long to recover. Shorter stretches
-    are taken where the others are less than half of a log, and the longest where all are short.
+    are taken where the others are less than half of a log, and brief ones only where all are.
     """
     found, seen = [], set[int]()
     for record in records:
@@ -166,7 +166,7 @@ def stretches(records: Sequence[Record]) -> list[Stretch]:
         if sum(map(len, enough)) < sum(map(len, log)) / 2:
             enough = [part for part in parts if len(part) >= BRIEF] or parts[:1]
         found += [Stretch(part, log) for part in enough[:MOST]]
-    return found
+    return [one for one in found if len(one) >= BRIEF] or found
 
 
 def same_file(record: Record, records: Sequence[Record]) -> tuple[Record, ...]:

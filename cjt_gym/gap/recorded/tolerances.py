@@ -62,23 +62,29 @@ def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[
 
 
 def strained(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
-    """Return a sentence on values that moved far, though within what counts as their datasheet's.
+    """Return sentences on values that moved far, though within what counts as their datasheet's.
 
     Args:
         file: The datasheet.
         found: The joint that was found.
         named: Symbols whose values a diagnosis tells.
     """
-    said = []
+    moved: dict[str, list[str]] = {f"{FAR:g} to {OUTSIDE:g}": [], f"more than {OUTSIDE:g}": []}
+    some, many = moved.values()
     for symbol, old in file.parameters.quantities.items():
         new = found.parameters.quantities.get(symbol)
-        spread = tolerance_of(file, symbol, math.inf) * abs(old.number)
-        if new is None or symbol in named or not 0.0 < spread < math.inf:
+        if new is None or symbol in named or old.guess or not old.tolerance or not old.number:
             continue
-        if FAR * spread < abs(new.number - old.number) <= OUTSIDE * spread:
-            said.append(f"{symbol} {new.number:.3g} {old.unit} for {old.number:.3g}")
-    far = f"{FAR:g} to {OUTSIDE:g} times the datasheet's tolerance"
-    return [f"Refined by {far}: {', '.join(said)}."] if said else []
+        far = abs(new.number / old.number - 1.0) / old.tolerance
+        vague = old.tolerance >= VAGUE  # free like a guess, so that no other word is said of it
+        if far > FAR and (vague or far <= OUTSIDE):
+            told = f"{symbol} {new.number:.3g} {old.unit} for {old.number:.3g}"
+            (some if far <= OUTSIDE else many).append(told)
+    return [
+        f"Refined by {times} times the datasheet's tolerance: {', '.join(said)}."
+        for times, said in moved.items()
+        if said
+    ]
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:

@@ -131,6 +131,12 @@ def double_current(table: Table) -> Table:
     return table | {"i": 2.0 * table["i"]}
 
 
+def exchanged(table: Table) -> Table:
+    """A torque of a few times the current, each in the column of the other."""
+    torque = 4.0 * table["i"] + 3.0 * np.sin(table["t"])
+    return table | {"i": torque, "tau": table["i"]}
+
+
 def weak_current(table: Table) -> Table:
     return table | {"i": 0.93 * table["i"]}
 
@@ -229,6 +235,7 @@ def stale(table: Table) -> Table:
         (against_its_command, "i: sign turned (i follows i_cmd"),
         (double_current, "i is 2 times i_cmd."),
         (weak_current, "i is 0.93 times i_cmd."),
+        (exchanged, "tau follows i_cmd as a current does, and i does not"),
         (other_torque, "tau_cmd is 3 times k_t n i_cmd."),
         (angle_over_again, "dq_m: is q_m over again rather than its slope."),
         (other_velocity, "dq_m: does not follow the slope of q_m."),
