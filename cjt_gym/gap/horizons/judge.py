@@ -237,8 +237,8 @@ def _polished(
     """Return a search refitted to predict best, with its inertia nearly unchanged.
 
     That of the datasheet is taken if it predicts better, held-out data included: slow motion does
-    not tell an inertia, and the search then ends at a small one. Horizons at which it would be worse than datasheet or
-    least squares get more weight.
+    not tell an inertia, and the search then ends at a small one. Horizons at which it would be
+    worse than datasheet or least squares get more weight.
     """
     problem = replace(problem)
     problem.force = 0.0
