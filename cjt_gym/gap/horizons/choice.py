@@ -63,7 +63,9 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
     """Return whether a joint predicts no worse than datasheet and least squares at any horizon.
 
     Where it predicts worse than motion at constant speed, it must not be worse than the fit without
-    effects, either. Nor may bristles help only where it is known how they were bent before.
+    effects, either. Nor may bristles help only where it is known how they were bent before. On
+    data that were fitted, too, it may be slightly worse before the longest horizon if it is clearly
+    better there: a few starts on which a step of the input falls decide that.
     """
     parts = [case.test, case.all]
     if "presliding" in joints[name].effects:
@@ -71,14 +73,24 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
     for windows in {id(w): w for w in parts}.values():
         errors = windows.errors(joints[name])
         own = relative(windows, errors)
-        slack = {key: _slack(key) for key in windows.keys}
         for other in {"datasheet", "least squares", "base"} & joints.keys() - {name}:
-            lost = worse(windows, errors, windows.errors(joints[other]), slack)
+            others = windows.errors(joints[other])
+            slack = {key: _slack(key) for key in windows.keys}
+            if windows is not case.test:
+                slack |= _forgiven(own, relative(windows, others))
+            lost = worse(windows, errors, others, slack)
             if lost and (
                 other != "base" or any(own[k] > 1.0 for k in lost if k[1] > min(HORIZONS))
             ):
                 return False
     return True
+
+
+def _forgiven(own: dict[Key, float], other: dict[Key, float]) -> dict[Key, float]:
+    """Return the slack of shorter horizons of channels that are better predicted at the longest."""
+    last = max(HORIZONS)
+    better = {c for c, h in own if h == last and WORSE_AT_ONCE * own[c, h] < other[c, h]}
+    return {(c, h): WORSE_AT_ONCE for c, h in own if c in better and WHOLE < h < last}
 
 
 def sound_stages(case: Case, joints: dict[str, Joint]) -> str:
