@@ -1,0 +1,30 @@
+"""Which joint is the answer where one predicts better here and another there."""
+
+from __future__ import annotations
+
+import pytest
+
+from cjt_gym.gap.horizons.choice import WORSE_AT_ONCE, _forgiven
+from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, Key
+
+NEAR, MIDDLE, FAR = HORIZONS
+
+
+def errors(near: float, middle: float, far: float, channel: str = "q_m") -> dict[Key, float]:
+    return {(channel, NEAR): near, (channel, MIDDLE): middle, (channel, FAR): far}
+
+
+def test_a_clear_gain_at_the_longest_horizon_forgives_a_slight_loss_before_it() -> None:
+    own, other = errors(0.32, 0.069, 0.010), errors(0.30, 0.060, 0.015)
+    assert _forgiven(own, other) == {("q_m", NEAR): WORSE_AT_ONCE, ("q_m", MIDDLE): WORSE_AT_ONCE}
+
+
+@pytest.mark.parametrize("far", [0.014, 0.015, 0.02])
+def test_no_clear_gain_forgives_nothing(far: float) -> None:
+    assert _forgiven(errors(0.32, 0.069, far), errors(0.30, 0.060, 0.015)) == {}
+
+
+def test_each_channel_answers_for_itself_and_a_whole_record_for_nothing() -> None:
+    own = errors(0.3, 0.1, 0.01) | errors(0.3, 0.1, 0.1, "tau") | {("tau", WHOLE): 0.2}
+    other = errors(0.3, 0.1, 0.1) | errors(0.3, 0.1, 0.1, "tau") | {("tau", WHOLE): 0.9}
+    assert {channel for channel, _ in _forgiven(own, other)} == {"q_m"}
