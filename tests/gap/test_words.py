@@ -15,7 +15,7 @@ from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.report import summary
 from cjt_gym.gap.report.page import page
-from cjt_gym.gap.report.words import interval, number, percent, verdict_sentence
+from cjt_gym.gap.report.words import effect_sizes, interval, number, percent, verdict_sentence
 from cjt_gym.joint import get_structure
 from tests.gap.simulator import simulate
 
@@ -31,6 +31,18 @@ def test_numbers_are_short_and_honest() -> None:
     at_an_end = Interval(20.0 - 4e-15, 1.0, 20.0, "-")
     assert interval(at_an_end) == "20 (1 … 20)"
     assert interval(Interval(18.3, 1.95, 12170.0, "-")) == "18 (2 … 12000)"  # a scale over decades
+
+
+@pytest.mark.parametrize(("unit", "over"), [("N m", "revolution"), ("N", "2π m")])
+def test_a_wave_repeats_over_a_revolution_or_over_metres(unit: str, over: str) -> None:
+    sizes = {
+        "f": Interval(14.0, 13.9, 14.1, "1/rev"),
+        "a": Interval(0.3, 0.2, 0.4, unit),
+        "b": Interval(0.4, 0.3, 0.5, unit),
+    }
+    wave = NamedEffect("cogging", "motor", "motor", None, sizes, "tentative", 0.5, 0.1)
+    said = effect_sizes(wave).replace("\N{NO-BREAK SPACE}", " ")
+    assert said.startswith(f"14.0 per {over}, 0.5")
 
 
 def test_noise_is_told_beside_a_gap_and_not_as_its_cause(explained: Diagnosis) -> None:

@@ -146,7 +146,8 @@ def effect_sizes(effect: NamedEffect) -> str:
     p = dict(effect.parameters)
     if {"f", "a", "b"} <= set(p):
         size = math.hypot(p["a"].value, p["b"].value)
-        return f"{number(p['f'].value)} per revolution, {quantity(size, p['a'].unit, 2)}"
+        over = "2π m" if p["a"].unit == "N" else "revolution"
+        return f"{number(p['f'].value)} per {over}, {quantity(size, p['a'].unit, 2)}"
     units = {item.unit for item in p.values()}
     if len(units) == 1:
         values = " / ".join(number(item.value, 2) for item in p.values())
