@@ -17,7 +17,8 @@ FEWEST_VALUES = 20
 """Number of distinct values of a command below which its rounding cannot be evaluated."""
 NEAR_LIMIT = 0.1
 """Least share of the largest current that a command must reach if the current is not measured."""
-NO_CURRENT = Unseen("the drive takes a voltage, not a current", "Record the measured current.")
+MEASURE = "Record the measured current."
+NO_CURRENT = Unseen("the drive takes a voltage, not a current", MEASURE)
 CHANGES = "Record steps of different sizes in the command, and the measured current."
 
 
@@ -82,7 +83,7 @@ def command_quantization(view: View) -> Verdict:
         return Unseen(f"the command takes only {values} values", CHANGES.replace("steps", "ramps"))
     if "i" not in view or known.unit != view.channels["i"].unit:
         why = "the current is not measured: motion hardly shows how a command was rounded"
-        return Unseen(why, "Record the measured current.")
+        return Unseen(why, MEASURE)
     size = RELIABLE * view.channels["i"].noise / np.sqrt(np.sqrt(values))
     if size < 0.5 * known.span:
         return Seen(float(max(size, known.resolution)), known.unit)

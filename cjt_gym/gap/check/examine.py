@@ -108,11 +108,18 @@ def examine(
         cannot_tell=unseen,
         faults=(*replaced, *moved, *wrong),
         smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
-        advice=tuple(dict.fromkeys(filter(None, advice))),
+        advice=_once(advice),
         channels=view.channels,
         notes=known,
         at_rest=view.at_rest,
     )
+
+
+def _once(advice: Sequence[str]) -> tuple[str, ...]:
+    """Return each advice once, and none that another one includes."""
+    each = dict.fromkeys(filter(None, advice))
+    asked = any(one.endswith("and the measured current.") for one in each)
+    return tuple(one for one in each if not (asked and one == drive.MEASURE))
 
 
 def sentence(words: str) -> str:

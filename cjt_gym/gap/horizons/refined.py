@@ -107,16 +107,19 @@ def left_tolerance(judged: Judgement, effects: Sequence[NamedEffect]) -> list[Le
 
 def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
     """Return a sentence on the values that `left_tolerance`."""
+    left = left_tolerance(judged, effects)
     said = [
         f"{' + '.join(one.symbols)} = {plain(one.value)} {one.unit} for {plain(one.stated)} within "
         f"{plain(100.0 * one.spread, 2)} %"
-        for one in left_tolerance(judged, effects)
+        for one in left
     ]
     if not said:
         return ""
+    geared = judged.case.joint.parameters.n != 1.0 and any("k_t" in one.symbols for one in left)
+    such = ", such as the gear ratio n," if geared else ""
     return (
         f"What fits best leaves the datasheet's tolerance: {', '.join(said)}. If another value of "
-        "the datasheet is off instead, the sizes named here change with it."
+        f"the datasheet{such} is off instead, the sizes named here change with it."
     )
 
 

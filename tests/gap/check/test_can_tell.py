@@ -9,6 +9,8 @@ import pytest
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import Examination, examine
+from cjt_gym.gap.check.drive import MEASURE
+from cjt_gym.gap.check.examine import _once
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.records import read_record
 from tests.gap.check.moved import BOTH, CONSTANT, FRICTION, ONE, columns, joint, record
@@ -232,3 +234,9 @@ def test_a_record_that_is_too_short_is_refused() -> None:
         examine(record(columns(seconds=0.05)), joint(), None)
     with pytest.raises(RecordError, match="needs a record"):
         examine([], joint(), None)
+
+
+def test_no_advice_is_included_in_another() -> None:
+    steps = "Record steps of different sizes in the command, and the measured current."
+    assert _once(["", MEASURE, steps, MEASURE]) == (steps,)
+    assert _once([MEASURE, "Log without gaps.", ""]) == (MEASURE, "Log without gaps.")
