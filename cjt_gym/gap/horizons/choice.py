@@ -22,6 +22,9 @@ WORSE = 1.02
 """Ratio to the relative error of datasheet or least squares up to which a joint is no worse."""
 WORSE_AT_ONCE = 1.2
 """The same at the shortest horizon, which depends more on the measured start than on the joint."""
+WORSE_AT_FIRST, HALF = 1.5, 0.5
+"""The same at the shortest horizon where errors at all further ones are less than a half: what is
+left there is of the measured start."""
 ORDER = ("stages", "found", "base")
 """Order in which joints are preferred that predict as well."""
 SAME = 1.0
@@ -75,15 +78,24 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
         own = relative(windows, errors)
         for other in {"datasheet", "least squares", "base"} & joints.keys() - {name}:
             others = windows.errors(joints[other])
-            slack = {key: _slack(key) for key in windows.keys}
+            known = relative(windows, others)
+            slack = {key: _slack(key) for key in windows.keys} | _of_the_start(own, known)
             if windows is not case.test:
-                slack |= _forgiven(own, relative(windows, others))
+                slack |= _forgiven(own, known) | _of_the_start(own, known)
             lost = worse(windows, errors, others, slack)
             if lost and (
                 other != "base" or any(own[k] > 1.0 for k in lost if k[1] > min(HORIZONS))
             ):
                 return False
     return True
+
+
+def _of_the_start(own: dict[Key, float], other: dict[Key, float]) -> dict[Key, float]:
+    """Return the slack of the shortest horizon of channels that are far better beyond it."""
+    first = min(HORIZONS)
+    further = {c: [k for k in own if k[0] == c and k[1] > first] for c, _ in own}
+    far = {c for c, keys in further.items() if keys and all(own[k] < HALF * other[k] for k in keys)}
+    return {key: WORSE_AT_FIRST for key in own if key[0] in far and key[1] == first}
 
 
 def _forgiven(own: dict[Key, float], other: dict[Key, float]) -> dict[Key, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cjt_gym.gap.horizons.choice import WORSE_AT_ONCE, _forgiven
+from cjt_gym.gap.horizons.choice import WORSE_AT_FIRST, WORSE_AT_ONCE, _forgiven, _of_the_start
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, Key
 
 NEAR, MIDDLE, FAR = HORIZONS
@@ -28,3 +28,10 @@ def test_each_channel_answers_for_itself_and_a_whole_record_for_nothing() -> Non
     own = errors(0.3, 0.1, 0.01) | errors(0.3, 0.1, 0.1, "tau") | {("tau", WHOLE): 0.2}
     other = errors(0.3, 0.1, 0.1) | errors(0.3, 0.1, 0.1, "tau") | {("tau", WHOLE): 0.9}
     assert {channel for channel, _ in _forgiven(own, other)} == {"q_m"}
+
+
+def test_a_joint_far_better_beyond_the_shortest_horizon_may_be_worse_at_it() -> None:
+    own, other = errors(0.109, 0.010, 0.002), errors(0.088, 0.122, 0.138)
+    assert _of_the_start(own, other) == {("q_m", NEAR): WORSE_AT_FIRST}
+    assert _of_the_start(errors(0.109, 0.07, 0.002), other) == {}
+    assert _of_the_start({("tau", NEAR): 0.1}, {("tau", NEAR): 0.3}) == {}
