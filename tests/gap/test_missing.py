@@ -159,11 +159,11 @@ def test_friction_that_is_smooth_near_rest_shows_its_width() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("heavier", "verdict"), [(1.6, "unexplained"), (1.0, "no_gap")])
-def test_a_replay_far_off_is_a_gap_though_nothing_shows_the_load(
+@pytest.mark.parametrize(("heavier", "verdict"), [(1.6, "explained"), (1.0, "no_gap")])
+def test_a_load_that_only_the_motor_and_the_torque_show_is_found(
     heavier: float, verdict: str
 ) -> None:
-    """Without q_l neither spring nor load is judged: that is no proof that nothing is wrong."""
+    """Without q_l the stages judge neither spring nor load, but predictions tell its inertia."""
     load = {"I_g": Quantity(0.0, "kg m^2"), "I_l": Quantity(0.5, "kg m^2")}
     load["d_l"] = Quantity(0.5, "N m s/rad")
     sheet = replace(nominal(), parameters=nominal().parameters.replace(**load))
@@ -177,7 +177,10 @@ def test_a_replay_far_off_is_a_gap_though_nothing_shows_the_load(
     units = {"i_cmd": "A", "q_m": "rad", "tau": "N m"}
     found = diagnose(Record(columns, units, dt=1e-3, structure="rigid_gearbox"), sheet)
     assert found.verdict == verdict
-    assert ("q_l" in found.suggestion.text) == (verdict == "unexplained")
+    assert ("q_l" in found.suggestion.text) == (verdict == "explained")
+    loads = [e.parameters["I_l"].value for e in found.effects]
+    assert loads == pytest.approx([0.8] if verdict == "explained" else [], rel=0.01)
+    assert all(e.status == "tentative" for e in found.effects)
 
 
 @pytest.mark.slow

@@ -91,10 +91,13 @@ class Judgement:
         An error at the shortest horizon alone comes from the measured start and does not count if
         everything further ahead is predicted, or nearly as well as it could be.
         """
+        return () if self.exhausted else tuple(row for row in self.rows if row.unexplained)
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether everything beyond the shortest horizon is predicted nearly as well as can be."""
         further = [row for row in self.rows if row.seconds != min(HORIZONS)]
-        if further and all(row.found < TRIVIAL or row.near_floor for row in further):
-            return ()
-        return tuple(row for row in self.rows if row.unexplained)
+        return bool(further) and all(row.found < TRIVIAL or row.near_floor for row in further)
 
 
 def is_left(error: float, one: Predictable) -> bool:

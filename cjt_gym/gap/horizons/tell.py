@@ -40,6 +40,9 @@ BLIND = 0.99
 """Relative error from which a joint predicts no better than motion at constant speed."""
 SHADOW = 0.25
 """Confidence below which an effect is attributed to a cause outside the table."""
+GONE = 0.05
+"""Ratio to the datasheet's error below which a joint that leaves nothing explains what the stages
+could not."""
 MOST_ADVICE = 2
 """Maximum number of sentences of advice of each kind."""
 
@@ -88,10 +91,13 @@ def retold(
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     effects = tuple(with_rivals(effects, excluded))
-    # If the stages find no cause in the table, it is not there, unless it is a datasheet value.
+    # If the stages find no cause in the table, it is not there, unless it is a datasheet value, or
+    # one that they cannot see for want of a channel.
     told = TOO_FAR_OFF in first.unexplained.text and not judged.unexplained
     staged = bool(first.evidence.regimes)
-    outside = staged and judged.cut and first.verdict == "unexplained" and not told
+    gone = judged.exhausted and main_row(judged).found < GONE * main_row(judged).datasheet
+    missed = first.verdict == "unexplained" and not (told or gone)
+    outside = staged and judged.cut and missed
     if outside:
         said = "its cause may not be in the table"
         effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)
