@@ -1,7 +1,7 @@
 """The windows of a long log that tell most about a joint.
 
 A window is worth what it adds: reversals, range of torque and speed, movement at every octave of
-frequency. Each of these counts with diminishing returns, so that windows are chosen
+frequency, time in each direction at every octave of speed. Each of these counts with diminishing returns, so that windows are chosen
 that differ (greedy maximisation of a sum of concave functions: Nemhauser, Wolsey, Fisher (1978),
 Mathematical Programming 14, 265-294).
 """
@@ -30,7 +30,13 @@ FEWEST = 200
 OCTAVES = 8
 """Octaves below the sampling rate that are told apart."""
 DRIVING = ("i", "i_cmd", "tau_m", "tau_cmd", "v")
-MOVING = ("q_m", "q_l", "q_g", "tau")
+MOVING = ("q_m", "q_l", "q_g", "dq_m", "dq_l", "tau")
+BANDS = np.arange(-40, 41)
+"""Octaves of the speed, in any unit, that are told apart."""
+FAST = 5
+"""Octaves below the fastest of a log that count; further below is noise at rest."""
+SEEN = 0.02
+"""Share of a window's samples from which an octave of speed counts as reached."""
 ENOUGH = 0.2
 """Share of the largest value of a feature in the log at which half of its worth is reached."""
 
@@ -114,6 +120,10 @@ def _best(pieces: Iterator[Columns], count: int) -> tuple[int, list[Window]]:
 
 def _chosen(pool: list[Window], count: int, scale: FloatArray) -> list[Window]:
     table = np.array([window.worth for window in pool])
+    bands = scale[-2 * len(BANDS) :].reshape(2, -1)
+    top = max(np.flatnonzero((bands > SEEN).any(axis=0)), default=0)
+    slow = np.arange(len(BANDS)) <= top - FAST
+    table[:, -2 * len(BANDS) :][:, np.r_[slow, slow]] = 0.0
     return [pool[k] for k in sorted(choose(table, count, scale))]
 
 
@@ -121,16 +131,19 @@ def features(columns: Columns) -> FloatArray:
     """Return what there is in a window of a log, each >= 0: the more, the more it tells.
 
     Ranges, speed and reversals of what drives and of what moves, and the deviation at every octave;
-    all of it times the share of samples that are there.
+    then the time at every octave of speed, in each direction; all of it times the share of samples
+    that are there.
     """
-    driving = next((columns[name] for name in DRIVING if name in columns), None)
-    moving = next((columns[name] for name in MOVING if name in columns), None)
-    parts, shares = [], []
-    for x in (driving, moving):
-        y = np.empty(0) if x is None else x[np.abs(x) < ABSURD]
-        shares.append(1.0 if x is None else len(y) / max(len(x), 1))
+    driving = next((name for name in DRIVING if name in columns), "")
+    moving = next((name for name in MOVING if name in columns), "")
+    parts, shares, y = [], [], np.empty(0)
+    for name in (driving, moving):
+        x = columns.get(name, np.empty(0))
+        y = x[np.abs(x) < ABSURD]
+        shares.append(len(y) / max(len(x), 1) if name else 1.0)
         parts += _one(y)
-    return np.array(parts) * float(np.prod(shares))
+    speed = y if moving.startswith("dq") else np.diff(_smooth(y))
+    return np.array([*parts, *_bands(speed)]) * float(np.prod(shares))
 
 
 def choose(table: FloatArray, count: int, scale: ArrayLike) -> list[int]:
@@ -159,8 +172,7 @@ def _one(y: FloatArray) -> list[float]:
     if len(y) < 2 ** (OCTAVES + 1):
         y = np.pad(y, (0, 2 ** (OCTAVES + 1) - len(y)), mode="edge" if len(y) else "constant")
     low, high = np.quantile(y, [0.01, 0.99])
-    smooth = y[: len(y) // 8 * 8].reshape(-1, 8).mean(axis=1)
-    speed = np.diff(smooth)
+    speed = np.diff(_smooth(y))
     large = np.abs(speed) > 0.02 * np.abs(speed).max()
     signs = np.sign(speed[large])
     reversals = float(np.sum(signs[1:] != signs[:-1]))
@@ -175,6 +187,19 @@ def _one(y: FloatArray) -> list[float]:
         np.sqrt(reversals) * (high - low),
         *octaves,
     ]
+
+
+def _smooth(y: FloatArray) -> FloatArray:
+    """Return means of eight samples each."""
+    return y[: len(y) // 8 * 8].reshape(-1, 8).mean(axis=1)
+
+
+def _bands(speed: FloatArray) -> list[float]:
+    """Return the share of samples at each octave of speed, forwards, then backwards."""
+    octave = np.digitize(np.abs(speed), 2.0 ** BANDS[1:])
+    share = 1.0 / max(len(speed), 1)
+    ways = (speed > 0.0, speed < 0.0)
+    return [n * share for way in ways for n in np.bincount(octave[way], minlength=len(BANDS))]
 
 
 def _sample_time(log: Log) -> float:

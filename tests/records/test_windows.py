@@ -73,6 +73,18 @@ def test_few_windows_differ(hour: Path) -> None:
     assert sorted(inside) == [1, 2, 3], "one of each stretch rather than all of one"
 
 
+def test_windows_of_a_wheel_that_coasts_lie_at_all_its_speeds(tmp_path: Path) -> None:
+    """Nothing drives it and nothing turns round: only its speed tells one window from another."""
+    t = np.arange(0.0, 600.0, 0.02)
+    columns = {"t": t, "dq_m": 120.0 * np.exp(-t / 150.0), "i": 0.0 * t}
+    write_record(Record(columns, {"t": "s", "dq_m": "rad/s", "i": "A"}), tmp_path / "coast.npz")
+    records, _ = read_log(tmp_path / "coast.npz", seconds=60.0)
+    speeds = np.array([np.mean(r["dq_m"]) for r in records])
+    assert min(speeds) < 10.0
+    assert max(speeds) > 100.0
+    assert np.any((speeds > 20.0) & (speeds < 60.0))
+
+
 @pytest.mark.slow
 def test_work_grows_with_length(tmp_path: Path) -> None:
     """Counted in calls of functions, which are the same on every machine."""

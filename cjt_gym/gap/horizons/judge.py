@@ -13,6 +13,7 @@ from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case, by_angle, late, sharp
 from cjt_gym.gap.horizons.choice import (
     best_of,
+    cost_of,
     fails,
     has_vague_friction,
     is_no_worse,
@@ -22,7 +23,7 @@ from cjt_gym.gap.horizons.contradiction import contradicted
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
-from cjt_gym.gap.horizons.imposed import freed_from
+from cjt_gym.gap.horizons.imposed import AT_ALL, freed_from
 from cjt_gym.gap.horizons.instants import lateness
 from cjt_gym.gap.horizons.inverse import ONE_WAY, is_inertia_alone_off, seen_in_torque
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row, is_left
@@ -114,7 +115,7 @@ def judge(
     joints["found"] = found.fit.model.at(found.fit.z)
     joints["base"] = found.base.model.at(found.base.z)
     best = best_of(case, test, joints, enough)
-    if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
+    if max(relative(case.test, case.test.errors(joints[best])).values()) > AT_ALL:
         if any(log.with_speed and not log.from_slope for log in case.logs):
             case = by_angle(case)
             return judge(
@@ -123,9 +124,10 @@ def judge(
         free = replace(problem)
         free.force = 0.0
         fit, plain = (freed_from(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
-        joints["found"], joints["base"] = fit.model.at(fit.z), plain.model.at(plain.z)
-        found = replace(found, fit=fit, base=plain)
-        best = best_of(case, test, joints, enough)
+        freed = joints | {"found": fit.model.at(fit.z), "base": plain.model.at(plain.z)}
+        other = best_of(case, test, freed, enough)
+        if cost_of(case, test, freed[other]) <= cost_of(case, test, joints[best]):
+            joints, best, found = freed, other, replace(found, fit=fit, base=plain)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
 
