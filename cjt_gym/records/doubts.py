@@ -108,7 +108,7 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
         return None
     t = columns["t"] if "t" in columns else np.arange(len(q)) * dt
     slope = np.gradient(q, t)
-    lag, alike = _lag(slope, v)
+    lag, alike = lag_of(slope, v)
     if abs(alike) < ALIKE:
         return _unlike_slope(angle, velocity, q, v, slope) if abs(alike) < UNLIKE else None
     ratio = float(np.sign(alike) * np.sqrt(np.var(v) / max(np.var(slope), 1e-300)))
@@ -171,7 +171,7 @@ def _filled(x: FloatArray) -> FloatArray | None:
     return x if known.all() else np.interp(index, index[known], x[known])
 
 
-def _lag(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+def lag_of(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Return by how many samples y follows x, and how alike they then are, -1 to 1."""
     from scipy.signal import correlate  # takes long to import
 

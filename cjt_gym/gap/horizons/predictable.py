@@ -1,9 +1,10 @@
 """Predictable part of an error, whatever its cause.
 
 A flexible ridge regression (on random Fourier features) of the error at the end of each window on
-the state at its start, the input within it and the recent past, and another one on the errors of
-the windows just before. They are trained on some pieces of the record and tested on the others,
-without a sample in common: what they predict there is not noise. The remainder is the floor.
+the state at its start, the input within it and the recent past; one on what torques of many shapes
+would do within the window; and one on the errors of the windows just before. They are trained on
+some pieces of the record and tested on the others, without a sample in common: what they predict
+there is not noise. The remainder is the floor.
 """
 
 from __future__ import annotations
@@ -30,6 +31,14 @@ FEWEST = 30
 """Fewest windows for a result."""
 CLIP = 4.0
 """Limit of the errors, in robust deviations, so that a single impact has little influence."""
+LOOKS = 25
+"""Samples of a window at which a torque of some shape is evaluated."""
+SHARP = (0.02, 0.05, 0.2)
+"""Speeds, relative to fast motion, over which dry friction turns round or falls."""
+TURNS = (1.0, 2.0)
+"""Waves per revolution of a torque over the angle."""
+SWINGS = (3.0, 6.0)
+"""The same in waves over half the travel, times two pi."""
 EARLIER = 2
 """Number of windows before each whose errors may show its own: two tell a vibration's phase."""
 
@@ -80,6 +89,57 @@ def features(windows: Windows, key: Key) -> tuple[Floats, Floats]:
     return _scaled(np.concatenate(rows)), _scaled(np.concatenate(changes))
 
 
+def torques(windows: Windows, forecasts: Mapping[int, Forecast], key: Key) -> Floats:
+    """Return what torques of many shapes do within each window, scaled, shape (windows, n).
+
+    A torque displaces a mass by its integral, weighed with the time that is left. Angle and speed
+    are those that the joint predicts, in which an unknown disturbance cannot show.
+
+    Args:
+        windows: The windows.
+        forecasts: The joint on each record.
+        key: The kind of error.
+    """
+    logs = windows.logs
+    fast, strong = (
+        max(float(np.percentile(np.abs(np.concatenate(x)), 95)), 1e-12)
+        for x in ([log.speed for log in logs], [log.command for log in logs])
+    )
+    angles = np.concatenate([log.states[:, 0] for log in logs])
+    middle, travel = float(angles.mean()), max(0.5 * float(np.ptp(angles)), 1e-12)
+    rows = []
+    for group in windows.groups_of(key):
+        log = logs[group.log]
+        last = int(group.points(key[1], log.dt)[-1])
+        lengths = np.full(len(group.starts), last + 1)
+        q = forecasts[group.log].windows(group.starts, lengths, group.leads)[:, :, 0]
+        at = np.unique(np.linspace(0, last, LOOKS + 1).astype(int))
+        v = np.gradient(q, log.dt, axis=1)[:, at] / fast
+        u = log.command[group.starts[:, None] + at] / strong
+        shapes = _shapes(u, v, q[:, at], (q[:, at] - middle) / travel)
+        rows.append(np.mean(shapes * (1.0 - at / max(last, 1)), axis=2).T)
+    return _scaled(np.nan_to_num(np.concatenate(rows)))
+
+
+def _shapes(u: Floats, v: Floats, q: Floats, x: Floats) -> Floats:
+    """Return torques of many shapes, shape (n, windows, samples).
+
+    Args:
+        u: Input, relative to a strong one.
+        v: Speed, relative to fast motion.
+        q: Angle [rad].
+        x: Angle, from -1 to 1 over the travel.
+    """
+    sign = np.tanh(v / SHARP[0])
+    waves = [
+        wave(k * y) for y, ks in ((q, TURNS), (x, SWINGS)) for k in ks for wave in (np.sin, np.cos)
+    ]
+    even = [np.ones_like(u), x, x**2, *waves]
+    dry = [sign * one for one in (*even, np.abs(u), *(np.exp(-((v / w) ** 2)) for w in SHARP[1:]))]
+    smooth = [u, u * np.abs(u), u**3, np.abs(u), v, v * np.abs(v), v**3, np.abs(v), x**3]
+    return np.stack([*even, *dry, *smooth])
+
+
 def _scaled(x: Floats) -> Floats:
     spread = x.std(axis=0)
     x = x[:, spread > 1e-12] - x[:, spread > 1e-12].mean(axis=0)
@@ -119,6 +179,7 @@ def predictable(
     errors: list[Floats],
     key: Key,
     past: Floats | None = None,
+    shapes: Floats | None = None,
     seed: int = 0,
 ) -> Predictable:
     """Return the predictable share of the errors of a kind.
@@ -128,6 +189,7 @@ def predictable(
         errors: Errors of each kind.
         key: The kind.
         past: What `earlier` returns, to predict errors from earlier ones as well.
+        shapes: What `torques` returns, to predict them from torques of many shapes as well.
         seed: Seed of the random features.
     """
     error = errors[windows.keys.index(key)][:, -1]
@@ -144,11 +206,13 @@ def predictable(
     if min(train.sum() for train, _ in folds) < FEWEST // 2:
         return Predictable(0.0, 1.0)
     sets = [state, np.hstack([state, changes])]
-    share, deviation = max(_shares(_waves(x, seed), y, folds) for x in sets)
+    known = [_shares(_waves(x, seed), y, folds) for x in sets]
+    if shapes is not None:
+        known.append(_shares(_with_one(shapes[good]), y, folds))
+    share, deviation = max(known)
     lasting = False
     if past is not None and past.any():
-        before = past[good]
-        by_past = _shares(np.hstack([np.ones((len(before), 1)), before]), y, folds)
+        by_past = _shares(_with_one(past[good]), y, folds)
         lasting = by_past[0] > share
         share, deviation = max(by_past, (share, deviation))
     return Predictable(float(np.clip(share, 0.0, 1.0)), deviation, lasting)
@@ -176,6 +240,10 @@ def _folds(spans: Integers, fold: Integers) -> list[tuple[Flags, Flags]]:
             train &= apart | (spans[:, 0] != log)
         found.append((train, test))
     return found
+
+
+def _with_one(x: Floats) -> Floats:
+    return np.hstack([np.ones((len(x), 1)), x])
 
 
 def _waves(x: Floats, seed: int) -> Floats:
@@ -212,10 +280,12 @@ def left(windows: Windows, joint: Joint, *, past: bool = False) -> dict[Key, Pre
         past: Whether to predict errors from earlier ones as well.
     """
     errors = windows.errors(joint)
-    used = {group.log for group in windows.groups} if past else set()
-    forecasts = {n: Forecast(joint, windows.logs[n]) for n in used}
+    forecasts = {n: Forecast(joint, windows.logs[n]) for n in {g.log for g in windows.groups}}
     return {
-        key: predictable(windows, errors, key, earlier(windows, forecasts, key) if past else None)
+        key: predictable(
+            windows, errors, key,
+            earlier(windows, forecasts, key) if past else None, torques(windows, forecasts, key),
+        )
         for key in windows.keys
         if key[1] in HORIZONS
-    }
+    }  # fmt: skip

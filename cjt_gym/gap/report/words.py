@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from cjt_gym.gap.diagnosis import Diagnosis, GapSize, Interval, NamedEffect
+from cjt_gym.gap.diagnosis import Diagnosis, GapSize, Horizon, Interval, NamedEffect
 from cjt_gym.gap.evidence import Regime
 from cjt_gym.gap.horizons.model import MEASURES
 
@@ -63,6 +63,11 @@ MOSTLY = 0.5
 """Share of the gap that must be gone for the verdict to mention refined values without a name."""
 OPEN, AGAIN = 0.1, 3.0
 """Replay error, and its ratio to the noise floor, above which an explained joint needs a remark."""
+SHORT = 0.05
+"""Time up to which a prediction depends on its measured start [s]."""
+SLIGHT, TWICE = 0.01, 1.7
+"""Relative error of a prediction, and its ratio to the floor, above which a joint without a gap
+needs a remark."""
 DOUBTED = 0.3
 """Confidence of the surest name below which names are only a guess."""
 AT_THE_END = 1e-4
@@ -160,6 +165,8 @@ def in_words(effect: NamedEffect) -> str:
     """Return an effect in words with its numbers."""
     sizes = effect_sizes(effect)
     text = effect_name(effect.name, effect.body, effect.channel)
+    if effect.name == "hardening" and all(one.value < 0.0 for one in effect.parameters.values()):
+        text = text.replace("stiffens", "softens")
     return f"{text} ({sizes})" if sizes else text
 
 
@@ -204,6 +211,17 @@ def _named(effects: Sequence[NamedEffect]) -> str:
     return f"{joined(sure)}, and tentatively {joined(doubtful)},"
 
 
+def _above_the_floor(diagnosis: Diagnosis) -> Horizon | None:
+    """Return the prediction of the motion that is farthest above its floor, if any is."""
+    rows = [
+        row
+        for row in diagnosis.horizons
+        if row.channel == "q_m" and row.seconds > SHORT and row.floor
+        and row.found > max(SLIGHT, TWICE * row.floor)
+    ]  # fmt: skip
+    return max(rows, key=lambda row: row.found / (row.floor or 1.0), default=None)
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return the verdict in one plain sentence."""
     gap = diagnosis.gap
@@ -216,6 +234,13 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             text = (
                 "There is no gap but in values that the datasheet guesses, gives with a tolerance "
                 "or does not state."
+            )
+        if (row := _above_the_floor(diagnosis)) is not None:
+            text = text.replace("is no gap", "is hardly a gap").replace(" and sensor noise", "")
+            text += (
+                f" The {percent(row.found)} that its predictions leave {row.seconds:g} s ahead are "
+                f"small, but more than the {percent(row.floor or 0.0)} that could not be "
+                "predicted; no effect of the table explains the rest."
             )
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         better = f" Refining its values takes the replay error from {change}."

@@ -7,7 +7,8 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.case import Case, make_case
-from cjt_gym.gap.horizons.predictable import left, predictable
+from cjt_gym.gap.horizons.forward import Forecast
+from cjt_gym.gap.horizons.predictable import left, predictable, torques
 from cjt_gym.joint import JointFile, get_structure
 from tests.gap.horizons.rotor import datasheet, record, right_datasheet
 
@@ -42,6 +43,21 @@ def test_an_error_that_depends_on_how_the_motion_has_changed_is_predictable() ->
     errors = [np.tile(change[:, None] / np.std(change), (1, 8))] * len(case.all.keys)
     share = predictable(case.all, errors, KEY).share
     assert share > 0.75
+
+
+def test_an_error_by_a_torque_that_bends_with_the_input_is_predictable() -> None:
+    """A motor that saturates lacks torque in proportion to the cube of its current."""
+    case = case_of(0.1)
+    log, group = case.all.logs[0], case.all.groups_of(KEY)[0]
+    last = int(group.points(KEY[1], log.dt)[-1])
+    inside = log.command[group.starts[:, None] + np.arange(last + 1)]
+    lacking = np.mean(inside**3 * np.linspace(1.0, 0.0, last + 1), axis=1)
+    error = np.tile((lacking / np.std(lacking))[:, None], (1, 8))
+    errors = [error + np.random.default_rng(0).normal(0.0, 0.1, error.shape)] * len(case.all.keys)
+    shapes = torques(case.all, {0: Forecast(case.joint, log)}, KEY)
+    assert predictable(case.all, errors, KEY, shapes=shapes).share > 0.8
+    noise = [np.random.default_rng(1).standard_normal(error.shape)] * len(case.all.keys)
+    assert predictable(case.all, noise, KEY, shapes=shapes).share < 0.2
 
 
 @pytest.mark.parametrize(("shaken", "noise"), [(SHAKEN, 0.0), (0.0, 0.1)])
