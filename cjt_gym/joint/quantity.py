@@ -187,6 +187,11 @@ def _parse_text(value: object, owner: str) -> str:
 
 
 def _parse_tolerance(value: object, owner: str) -> float:
+    if isinstance(value, str):
+        raise ParameterError(
+            f"tolerance of {owner} must be a number, got {value!r}. If nothing is known of the "
+            "value, write guess = true instead."
+        )
     tolerance = _parse_number(value, f"tolerance of {owner}")
     if not 0.0 <= tolerance <= WIDEST:
         raise ParameterError(

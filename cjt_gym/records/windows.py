@@ -1,9 +1,9 @@
 """The windows of a long log that tell most about a joint.
 
 A window is worth what it adds: reversals, range of torque and speed, movement at every octave of
-frequency, time in each direction at every octave of speed. Each of these counts with diminishing returns, so that windows are chosen
-that differ (greedy maximisation of a sum of concave functions: Nemhauser, Wolsey, Fisher (1978),
-Mathematical Programming 14, 265-294).
+frequency, time in each direction at every octave of speed. Each of these counts with diminishing
+returns, so that windows are chosen that differ (greedy maximisation of a sum of concave functions:
+Nemhauser, Wolsey, Fisher (1978), Mathematical Programming 14, 265-294).
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def _one(y: FloatArray) -> list[float]:
 
 def _smooth(y: FloatArray) -> FloatArray:
     """Return means of eight samples each."""
-    return y[: len(y) // 8 * 8].reshape(-1, 8).mean(axis=1)
+    return np.asarray(y[: len(y) // 8 * 8].reshape(-1, 8).mean(axis=1))
 
 
 def _bands(speed: FloatArray) -> list[float]:

@@ -40,6 +40,9 @@ TORQUES, ALIKE = 2.0, 0.7
 the two once inertia and friction are taken out. Of 188 simulated logs one exceeds 1.35."""
 SPRING = 1.6
 """Least reported factor between torque and stiffness times deflection."""
+FREE, RINGING = 5.0, 20.0
+"""Ratio of the torque that the motion of a held joint takes to that measured, or to that of the
+motor, which may ring, from which it is not held."""
 RATIO = 0.1
 """Relative tolerance within which two angles differ by the gear ratio."""
 COUNTED = (2.0, 4.0)
@@ -232,7 +235,7 @@ def spring(view: View) -> list[str]:
     """Return a sentence if torque and deflection contradict the spring's stiffness."""
     k_b = view.value("k_b")
     if not view.deflection_known or k_b <= 0.0:
-        return []
+        return _held(view)
     stiffness = 1.0 / (
         1.0 / k_b + (1.0 / view.value("k_g", np.inf) if view.structure.has_gear else 0.0)
     )
@@ -240,7 +243,7 @@ def spring(view: View) -> list[str]:
     y = np.concatenate([piece["tau"] for piece in view.stretches])
     factor = _factor(x, y)
     if factor is None:
-        return []
+        return _held(view)
     times = factor / stiffness
     if 1.0 / SPRING < times < SPRING:
         return []
@@ -250,6 +253,29 @@ def spring(view: View) -> list[str]:
     if 1.0 / SPRING < -times < SPRING and "q_l" in view:
         return [f"{said}, as if its sign were turned or q_m and q_l were swapped."]
     return [f"{said}."]
+
+
+def _held(view: View) -> list[str]:
+    """Return a sentence if a motor turns further than the spring to a held output would let it."""
+    k_b, gain = view.value("k_b"), view.value("k_t") * view.ratio
+    angle = view.motor_angle or ""
+    if not view.structure.output_fixed or k_b <= 0.0 or not angle.startswith("q_"):
+        return []
+    if "tau" in view:
+        known, factor, name = "tau", FREE, "tau spans"
+    elif view.drive in ("i", "i_cmd") and gain > 0.0:
+        known, factor, name = view.drive, RINGING * gain, "the motor's torque spans"
+    else:
+        return []
+    span, torque = (max(float(np.ptp(p[n])) for p in view.stretches) for n in (angle, known))
+    if k_b * span <= factor * torque:
+        return []
+    unit, torque = view.torque_unit, torque * (1.0 if known == "tau" else gain)
+    return [
+        f"{angle} spans {span:.2g} {view.angle_unit}, which would take {k_b * span:.2g} {unit} of "
+        f"a spring to a held output, and {name} {torque:.2g} {unit}: the output is free (choose "
+        "such a structure), or a unit is wrong."
+    ]
 
 
 def _factor(x: np.ndarray, y: np.ndarray, alike: float = SAME) -> float | None:

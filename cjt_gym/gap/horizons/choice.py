@@ -123,7 +123,8 @@ def sound_stages(case: Case, joints: dict[str, Joint]) -> str:
     """Return "stages" unless datasheet or least squares predict a cut joint clearly better."""
     names = {"datasheet", "least squares", "stages"} & joints.keys()
     errors = {name: relative(case.test, case.test.errors(joints[name])) for name in names}
-    kinds = [k for k in (("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)) if k in errors["stages"]]
+    kinds = [k for k in errors["stages"] if k[0] in ("tau", "q_m") and k[1] > min(HORIZONS)]
+    kinds += [("tau", WHOLE)] if ("tau", WHOLE) in errors["stages"] else []
     known = {name: [max(one[k], TRIVIAL) for k in kinds] for name, one in errors.items()}
     own, others = known.pop("stages"), min(known, key=lambda name: float(np.prod(known[name])))
     beaten = any(x > MISS * y for one in known.values() for x, y in zip(own, one, strict=True))

@@ -96,7 +96,8 @@ def retold(
     told = TOO_FAR_OFF in first.unexplained.text and not judged.unexplained
     staged = bool(first.evidence.regimes)
     gone = judged.exhausted and main_row(judged).found < GONE * main_row(judged).datasheet
-    missed = first.verdict == "unexplained" and not (told or gone)
+    beaten = first.verdict == "partly_explained" and judged.answer in ("datasheet", "least squares")
+    missed = (first.verdict == "unexplained" or beaten) and not (told or gone)
     outside = staged and judged.cut and missed
     if outside:
         said = "its cause may not be in the table"

@@ -367,6 +367,17 @@ def test_a_torque_against_its_spring_is_found() -> None:
     assert any("as if q_m and tau were swapped" in fault for fault in swapped)
 
 
+def test_a_joint_that_turns_freely_is_not_taken_for_one_with_a_held_output() -> None:
+    held = get_structure("output_fixed_rigid_gearbox")
+    rec = simulate(friction=(1.5, 1.5))
+    turned = {**rec.columns, "q_m": 40.0 * rec["q_m"]}
+    turned.pop("tau")
+    free = replace(rec, columns=turned, units={n: rec.units[n] for n in turned if n != "t"})
+    said = "the output is free (choose such a structure)"
+    assert not any(said in fault for fault in examine(rec, nominal(), held).faults)
+    assert any(said in fault for fault in examine(free, nominal(), held).faults)
+
+
 @pytest.mark.parametrize(("wrong", "said"), [(1.5, False), (4.0, True), (0.25, True)])
 def test_a_torque_constant_that_is_not_the_sensor_s_is_found(wrong: float, said: bool) -> None:
     """The range that is told holds the true factor."""
