@@ -97,6 +97,10 @@ REFUSED = {
         entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = 5 }'),
         ["tolerance of k_b", "at most 2", "0.05 is 5 %", "got 5", "guess = true"],
     ),
+    "tolerance in words": (
+        entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = "guess" }'),
+        ["tolerance of k_b", "must be a number", "got 'guess'", "guess = true instead"],
+    ),
     "guess with a tolerance": (
         entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = 0.1, guess = true }'),
         ["k_b of", "either a tolerance or guess = true", "got both"],

@@ -11,11 +11,18 @@ from cjt_gym.commands.diagnose import joint_text
 from cjt_gym.gap import Diagnosis
 from cjt_gym.gap.check.faults import UNITS
 from cjt_gym.gap.diagnose import remarked
-from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.diagnosis import Horizon, Interval, NamedEffect
 from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.report import summary
 from cjt_gym.gap.report.page import page
-from cjt_gym.gap.report.words import effect_sizes, interval, number, percent, verdict_sentence
+from cjt_gym.gap.report.words import (
+    effect_sizes,
+    in_words,
+    interval,
+    number,
+    percent,
+    verdict_sentence,
+)
 from cjt_gym.joint import get_structure
 from tests.gap.simulator import simulate
 
@@ -54,6 +61,23 @@ def test_noise_is_told_beside_a_gap_and_not_as_its_cause(explained: Diagnosis) -
     text = verdict_sentence(replace(noisy, verdict="partly_explained", unexplained=open_))
     assert "no effect of the table explains it; sensors differ as well: noise above" in text
     assert "part of it" not in text
+
+
+@pytest.mark.parametrize(("found", "said"), [(0.023, True), (0.007, False)])
+def test_no_gap_is_said_with_a_reserve_where_a_regression_predicts_the_rest(
+    explained: Diagnosis, found: float, said: bool
+) -> None:
+    row = Horizon(0.5, "q_m", 0.023, None, found, 0.0064)
+    text = verdict_sentence(replace(explained.without_gap(), horizons=(row,)))
+    assert ("is hardly a gap" in text) == said
+    assert ("no effect of the table explains the rest" in text) == said
+
+
+@pytest.mark.parametrize(("cubic", "said"), [(9e3, "stiffens"), (-9e3, "softens")])
+def test_a_spring_that_softens_is_not_said_to_stiffen(cubic: float, said: str) -> None:
+    size = {"k_3": Interval(cubic, cubic, cubic, "N m/rad^3")}
+    spring = NamedEffect("hardening", "transmission", None, None, size, "tentative", 0.5, 0.1)
+    assert f"a spring that {said} with deflection" in in_words(spring)
 
 
 def test_the_verdict_is_one_sentence(explained: Diagnosis) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import Examination, examine
 from cjt_gym.gap.check.drive import MEASURE
 from cjt_gym.gap.check.examine import _once
+from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.joint import get_structure, load_joint_file
+from cjt_gym.joint.joint import Joint
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import read_record
 from tests.gap.check.moved import BOTH, CONSTANT, FRICTION, ONE, columns, joint, record
 from tests.gap.simulator import nominal, simulate
@@ -165,6 +169,22 @@ def test_a_held_joint_shows_its_spring_by_the_motor_where_no_torque_is_measured(
     found = examine(record(table, HELD), nominal(), None)
     assert {"stiffness", "hardening"} <= set(found.can_tell)
     assert {"backlash", "spring_hysteresis", "torque_gain"} <= set(reasons(found))
+
+
+def test_play_shows_between_two_angles_where_no_torque_is_measured() -> None:
+    load = {"I_g": Quantity(0.0, "kg m^2"), "I_l": Quantity(0.5, "kg m^2")}
+    sheet = replace(nominal(), parameters=nominal().parameters.replace(**load))
+    loose = quiet(
+        Joint(sheet, "rigid_gearbox", "current", {"backlash": {"gap": 0.01, "offset": 0.0}})
+    )
+    t, rng = 1e-3 * np.arange(6000), np.random.default_rng(0)
+    i = 2.0 * np.sin(2.0 * np.pi * 1.3 * t) + 1.5 * np.sin(2.0 * np.pi * 9.0 * t)
+    made = loose.simulate(i * sheet.parameters.k_t * sheet.parameters.n, dt=1e-3)
+    table = {"t": t, "i_cmd": i}
+    table |= {n: made[f"true_{n}"] + rng.normal(0.0, 1e-6, len(t)) for n in ("q_m", "q_l")}
+    found = examine(record(table, "rigid_gearbox"), sheet, None)
+    assert 0.0 < found.smallest["backlash"][0] < 0.01
+    assert "spring_hysteresis" in reasons(found)
 
 
 def test_a_gearbox_is_told_from_spring_and_load_by_the_torque_between_them() -> None:

@@ -110,3 +110,15 @@ def test_predictions_can_start_from_the_slope_of_the_angle() -> None:
     assert np.std(after.first[:, 3] - before.first[:, 3]) > 0.02
     moved = dict(zip(sloped.test.keys, sloped.test.scales / case.test.scales, strict=True))
     assert moved["q_m", 0.02] > 1.02
+
+
+def test_a_velocity_that_a_filter_makes_late_is_put_in_time() -> None:
+    made, late = record(dry=0.0), 6
+    speed = np.gradient(made["q_m"], made.dt)
+    mean = np.convolve(speed, np.full(2 * late + 1, 1.0 / (2 * late + 1)))[: len(speed)]
+    told = Record(
+        {**made.columns, "dq_m": mean}, {**made.units, "dq_m": "rad/s"}, structure="rigid"
+    )
+    (log,) = make_case([told], [], datasheet(), get_structure("rigid")).logs
+    inside = slice(50, -50)
+    assert np.std(log.speed[inside] - speed[inside]) < 0.3 * np.std((mean - speed)[inside])
