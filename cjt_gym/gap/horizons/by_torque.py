@@ -15,6 +15,7 @@ from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judgement import Judgement
 from cjt_gym.gap.horizons.model import Term, motor_inertia
+from cjt_gym.gap.horizons.rows import HEAVIEST, scales_of
 from cjt_gym.gap.horizons.spent import BLOCKS, Spent
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
@@ -105,10 +106,13 @@ def told_by_torque(
     joint = judged.case.joint
     refuted = {} if judged.found is None else judged.found.refuted
     driven = any(one.name in FRICTION and one.values[0] < 0.0 for one in seen.values())
+    heaviest = HEAVIEST * scales_of(joint, judged.case.logs).peak
     for one in sorted(seen.values(), key=lambda s: -s.share):
         taken = names | {e.name for e in found}
         if taken & {one.name, *SAME[one.name]} or (driven and one.name in FRICTION):
             continue
+        if one.name == "gravity" and math.hypot(*one.values) > heaviest:
+            continue  # over a short travel it stands for something that gives way
         if not alone and is_guessed(one.name, joint):
             continue
         found.append(
