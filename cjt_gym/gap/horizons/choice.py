@@ -79,18 +79,20 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
     parts = [case.test, case.all]
     if "presliding" in joints[name].effects:
         parts.append(case.test.alone())
-    every = relative(case.all, case.all.errors(joints[name]))
+    several = {} if case.apart else joints
+    everywhere = {n: relative(case.all, case.all.errors(j)) for n, j in several.items()}
     for windows in {id(w): w for w in parts}.values():
         errors = windows.errors(joints[name])
         own = relative(windows, errors)
         for other in {"datasheet", "least squares", "base"} & joints.keys() - {name}:
             others = windows.errors(joints[other])
             known = relative(windows, others)
-            slack = {key: _slack(key) for key in windows.keys} | _of_the_start(own, known)
-            if windows is case.test and case.all is not case.test:
-                slack |= _by_chance(every, relative(case.all, case.all.errors(joints[other])))
+            more = [_of_the_start(own, known)]
             if windows is not case.test:
-                slack |= _forgiven(own, known) | _of_the_start(own, known)
+                more.append(_forgiven(own, known))
+            elif not case.apart:
+                more.append(_by_chance(everywhere[name], everywhere[other]))
+            slack = {k: max(_slack(k), *(one.get(k, 1.0) for one in more)) for k in windows.keys}
             lost = worse(windows, errors, others, slack)
             if lost and (
                 other != "base" or any(own[k] > 1.0 for k in lost if k[1] > min(HORIZONS))
