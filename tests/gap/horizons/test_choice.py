@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from cjt_gym.gap.horizons.choice import WORSE_AT_FIRST, WORSE_AT_ONCE, _forgiven, _of_the_start
+from cjt_gym.gap.horizons.choice import (
+    WORSE_AT_FIRST,
+    WORSE_AT_ONCE,
+    WORSE_BY_CHANCE,
+    _by_chance,
+    _forgiven,
+    _of_the_start,
+)
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, Key
 
 NEAR, MIDDLE, FAR = HORIZONS
@@ -35,3 +42,8 @@ def test_a_joint_far_better_beyond_the_shortest_horizon_may_be_worse_at_it() -> 
     assert _of_the_start(own, other) == {("q_m", NEAR): WORSE_AT_FIRST}
     assert _of_the_start(errors(0.109, 0.07, 0.002), other) == {}
     assert _of_the_start({("tau", NEAR): 0.1}, {("tau", NEAR): 0.3}) == {}
+
+
+def test_few_held_out_pieces_do_not_refuse_what_all_data_prefer_clearly() -> None:
+    own, other = errors(0.70, 0.60, 0.20), errors(0.71, 0.75, 0.71)
+    assert _by_chance(own, other) == {k: WORSE_BY_CHANCE for k in own if k[1] > NEAR}
