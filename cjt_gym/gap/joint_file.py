@@ -26,6 +26,8 @@ ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
 TOLERATED = 3.0
 """Number of tolerances up to which a refined value is said to lie within its tolerance."""
 OF_SENSORS = ("noise", "quantization")
+OF_TORQUE = ("k_t", "k_b", "k_g", "I_", "d_")
+"""Beginnings of the symbols of values that scale with the torque."""
 IDENTIFIED = "_identified"
 Refined = Mapping[str, tuple[float, float]]
 Table = dict[str, dict[str, Entry]]
@@ -65,7 +67,12 @@ def identified_joint(
     if "coulomb" not in {effect.name for effect in named}:
         _refine_friction(table, refined, source)
     p = joint.parameters
-    known = {symbol: row for symbol, row in refined.items() if symbol in p.quantities}
+    common = _common_deviation(p.quantities) if setting.cut_at_spring else 0.0
+    known = {
+        symbol: (row[0], rounded(math.hypot(row[1], common * symbol.startswith(OF_TORQUE))))
+        for symbol, row in refined.items()
+        if symbol in p.quantities
+    }
     parameters = replace(
         p,
         name=identified(p.name),
@@ -173,6 +180,20 @@ def with_sensors(joint: JointFile, named: Sequence[NamedEffect], record: str) ->
 
 
 # ---- datasheet values
+def _common_deviation(quantities: Mapping[str, Quantity]) -> float:
+    """Return the relative deviation of what a torque sensor of unknown scale leaves open.
+
+    If it reads too much, all values that a torque is a part of are found too large by one factor,
+    which no record shows: the tolerances of the datasheet alone limit it.
+    """
+    known = [
+        q.tolerance
+        for symbol, q in quantities.items()
+        if symbol.startswith(OF_TORQUE) and q.tolerance and not q.guess
+    ]
+    return 1.0 / math.sqrt(sum(x**-2 for x in known)) if known else 0.0
+
+
 def _refined(
     quantities: Mapping[str, Quantity], refined: Refined, source: str
 ) -> dict[str, Quantity]:

@@ -192,6 +192,18 @@ def test_datasheet_values_are_refined_with_their_deviation(tmp_path: Path) -> No
     assert set(resolve_randomization(joint, "identified")) == {"k_b", "I_m"}
 
 
+def test_values_are_no_surer_than_the_scale_of_the_torque_that_told_them() -> None:
+    """Tolerances of 3 % and 4 % leave a common factor of 2.4 %, however little each scatters."""
+    setting = setting_of(FIXED, 0.5)
+    stated = {"k_b": 0.03, "k_t": 0.04}
+    known = setting.joint.parameters.quantities
+    known = {s: replace(q, tolerance=stated.get(s)) for s, q in known.items()}
+    parameters = replace(setting.joint.parameters, quantities=known)
+    setting = replace(setting, joint=replace(setting.joint, parameters=parameters))
+    file = identified_joint(setting, dict(setting.nominal), [], {"k_b": (6100.0, 1e-4)}, "")
+    assert file.parameters.quantities["k_b"].tolerance == pytest.approx(0.024, rel=1e-4)
+
+
 def test_a_guess_is_corrected_and_no_longer_a_guess(tmp_path: Path) -> None:
     setting = setting_of(FIXED, 0.5)
     quantities = setting.joint.parameters.quantities
