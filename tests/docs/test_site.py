@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from cjt_gym.joint import joint_names
 from tests.python import run_python
@@ -38,6 +39,11 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_every_page_is_in_the_navigation() -> None:
     named = set(re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text("utf-8")))
     assert named == {page.as_posix() for page in PAGES} | GENERATED
+
+
+def test_readers_choose_between_versions() -> None:
+    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))
+    assert config["extra"]["version"]["provider"] == "mike"
 
 
 def test_the_example_of_the_start_page_prints_what_is_shown(
