@@ -91,10 +91,9 @@ def _defaults(joint: Joint, dt: float) -> Gains:
 
 
 def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
-    names = ("shaping", "damping", "bandwidth_hz")
-    inner = passivity_momentum.passivity_momentum_law(
-        SampledJoint(joint, dt), *(gains[f"inner_{name}"] for name in names)
-    )
+    row = passivity_momentum.ROW
+    inner = row.build(joint, dt, {g.name: gains[f"inner_{g.name}"] for g in row.tunable}).linear
+    assert inner is not None
     return Impedance(inner, gains["stiffness"], gains["damping"], limits_of(joint).tau)
 
 

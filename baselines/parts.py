@@ -79,6 +79,19 @@ def _position_tries(model: SampledJoint) -> Tries:
     return {"position_kp": stiffness, "position_kd": damper(model, (0.0, 0.1, 0.2, 0.4))}
 
 
+def passivity_block(model: SampledJoint, gains: Gains) -> Block:
+    """Return the law of B / B_d [-] and D_s [N m s/rad]; see `cjt_gym.baselines.passivity`."""
+    shaping, share = gains["shaping"], gains["shaping"] * gains["damping"]
+    return static(reference=shaping, tau=1.0 - shaping, dq_m=-share, dq_l=share)
+
+
+def _passivity_tries(model: SampledJoint) -> Tries:
+    return {
+        "shaping": (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0),
+        "damping": damper(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5)),
+    }
+
+
 def _observer_tries(name: str) -> Callable[[SampledJoint], Tries]:
     return lambda model: {name: (0.2, 2.0, 5.0, 10.0, 20.0, 40.0)}
 
@@ -132,6 +145,14 @@ ROWS = (
         ),
         position_block,
         _position_tries,
+    ),
+    Part(
+        "passivity",
+        FEEDBACK,
+        "r, with the motor's inertia scaled down by shaping and a damper beside the spring",
+        (Gain("shaping", "-", 1.0, 10.0), Gain("damping", "N m s/rad", 0.0, 1000.0)),
+        passivity_block,
+        _passivity_tries,
     ),
     Part(
         "damping",

@@ -8,21 +8,10 @@ generalised-momentum observer.
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import SPRUNG, Gain
-from cjt_gym.baselines.linear_law import LinearLaw, assemble
-from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.observers.momentum import momentum_observer
-from cjt_gym.baselines.passivity import passivity_block
+from cjt_gym.baselines.compose import composed_row
+from cjt_gym.baselines.linear_row import grid
 from cjt_gym.baselines.pid import damper
 from cjt_gym.baselines.plant_model import SampledJoint
-
-
-def passivity_momentum_law(
-    model: SampledJoint, shaping: float, damping: float, bandwidth_hz: float
-) -> LinearLaw:
-    """Return the law; see the module, and the row for its gains."""
-    friction = momentum_observer(model, bandwidth_hz).block(disturbance=1.0)
-    return assemble(model.dt, passivity_block(shaping, damping), friction)
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -33,17 +22,11 @@ def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     )
 
 
-ROW = linear_row(
-    name="passivity_momentum",
+ROW = composed_row(
+    "passivity_momentum",
+    "passivity+momentum_dob",
     summary="Passivity-based, with friction from a generalised-momentum observer.",
     source="Albu-Schaeffer, Ott, Hirzinger (2007), International Journal of Robotics Research "
     "26(1); Le Tien, Albu-Schaeffer, De Luca, Hirzinger (2008), IROS",
-    tunable=(
-        Gain("shaping", "-", 1.0, 10.0),
-        Gain("damping", "N m s/rad", 0.0, 1000.0),
-        Gain("bandwidth_hz", "Hz", 0.001, 200.0, log=True),
-    ),
-    law=passivity_momentum_law,
     candidates=_candidates,
-    structures=SPRUNG,
 )

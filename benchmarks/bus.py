@@ -1,23 +1,17 @@
-"""How regular loops on a bus are: `python -m benchmarks.bus runs|joints`.
+"""How regular the loop of several joints on a bus is: `python -m benchmarks.bus`.
 
-`runs` starts `cjt-gym emulate` and `cjt-gym hardware --arm` in processes of their own, again and
-again with nothing but defaults, and counts which runs end without a fault. `joints` runs several
-emulated joints on one CAN FD bus by one loop, beside the emulator in another process, and tells
-what each takes of a processor: a rate at which that is a whole control step cannot be kept. Both
-are for a quiet machine: the load that it has is printed.
+It runs emulated joints on one CAN FD bus by one loop, beside the emulator in another process, and
+tells what each takes of a processor: a rate at which that is a whole control step cannot be kept.
+It is for a quiet machine: the load that it has is printed.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
-import subprocess
-import sys
 import tempfile
 import time
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +22,8 @@ from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import load_joints
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.hardware.delayed_law import law_for
-from cjt_gym.records import read_record
-from tests.canbus.bench import document, toml
-from tests.canbus.soak import MAIN, cpu_time, emulator, free_port
+from tests.canbus.soak import cpu_time, emulator, free_port
 from tests.canbus.test_bus_load import joints, listed
-from tests.canbus.test_default_run import ASKED, CONTROLLERS, LIMITS
 
 QUIET = 0.3
 """Load of the machine up to which it is quiet."""
@@ -43,9 +34,7 @@ WARM = 20
 def main() -> None:
     """Measure what is asked for and print it."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bus", description=__doc__)
-    parser.add_argument("what", choices=("runs", "joints"))
     parser.add_argument("--rate", type=int, nargs="+", default=[500, 1000], help="[Hz]")
-    parser.add_argument("--times", type=int, default=2, help="runs of each controller and rate")
     parser.add_argument("--joints", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=10.0, help="length of a run")
     text = "time by which joints may be late before that is a fault [s]"
@@ -59,45 +48,7 @@ def main() -> None:
     print(f"load of the machine {load:.2f}: {quiet}")
     with tempfile.TemporaryDirectory() as folder:
         for rate in options.rate:
-            if options.what == "runs":
-                _default_runs(Path(folder), rate, options.times, options.seconds)
-            else:
-                _joints(Path(folder), rate, options)
-
-
-def _default_runs(folder: Path, rate: int, times: int, seconds: float) -> None:
-    """Run every controller with defaults, and print a row for each run."""
-    rows = [
-        _default_run(folder, rate, name, k, seconds)
-        for k, name in product(range(times), CONTROLLERS)
-    ]
-    print(f"{'Hz':>5} {'controller':18}{'fault':10}{'rmse [N m]':>11}{'late, 99.9 % [us]':>19}")
-    for row in rows:
-        print(f"{rate:5} {row[0]:18}{row[1]:10}{row[2]:11.3f}{row[3]:19.0f}")
-    print(f"{sum(row[1] == '-' for row in rows)} of {len(rows)} runs at {rate} Hz without a fault")
-
-
-def _default_run(
-    folder: Path, rate: int, controller: str, k: int, seconds: float
-) -> tuple[str, str, float, float]:
-    """Return controller, kind of fault or "-", tracking error [N m] and lateness [us] of a run."""
-    name = f"{controller}-{rate}-{k}"
-    path, out = folder / f"{name}.toml", folder / f"{name}-run.csv"
-    bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
-    tables = document(bus=bus, drive=ASKED, control={"rate_hz": rate}, limits=LIMITS)
-    path.write_text(toml(tables))
-    words = ["hardware", str(path), "--arm", "--reference", "step", "--controller", controller]
-    words += ["--duration", str(seconds), "--out", str(out), "--json"]
-    with emulator(path):
-        ended = subprocess.run(
-            [sys.executable, "-c", MAIN, *words], capture_output=True, text=True, check=False
-        )
-    if ended.returncode == 0:
-        told = json.loads(ended.stdout)
-        return controller, "-", told["rmse"], told["timing_us"]["lateness"]["p99.9"]
-    sys.stderr.write(ended.stderr)
-    kind = read_record(out).provenance["fault"]["kind"] if out.exists() else "not armed"
-    return controller, kind, float("nan"), float("nan")
+            _joints(Path(folder), rate, options)
 
 
 def _joints(folder: Path, rate: int, options: argparse.Namespace) -> None:

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.marks import fill, markdown
+
 README = Path(__file__).with_name("README.md")
-BEGIN, END = "<!-- results -->", "<!-- end of results -->"
 VERSIONED = ("cjt-gym", "numpy", "scipy", "numba", "gymnasium")
 
 
@@ -32,9 +33,8 @@ class Table:
 
     def markdown(self) -> str:
         """Return the table with its heading and note."""
-        lines = [self.header, ["---"] * len(self.header), *self.rows]
-        cells = ["| " + " | ".join(line) + " |" for line in lines]
-        return "\n".join([f"### {self.title}", "", self.note, "", *cells])
+        cells = markdown([self.header, *self.rows])
+        return f"### {self.title}\n\n{self.note}\n\n{cells}"
 
 
 def conditions() -> str:
@@ -46,9 +46,6 @@ def conditions() -> str:
 
 
 def write(tables: Sequence[Table]) -> None:
-    """Replace what stands between the two marks of README.md."""
-    text = README.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    after = rest.split(END)[1]
+    """Replace what stands between the marks of README.md."""
     body = "\n\n".join([conditions(), *(table.markdown() for table in tables)])
-    README.write_text(f"{before}{BEGIN}\n\n{body}\n\n{END}{after}", encoding="utf-8")
+    fill(README, "benchmarks", {"results": body})

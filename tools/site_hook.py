@@ -1,13 +1,11 @@
-"""What the site has beside its pages: examples, tour, joints, MathML, links to the repository."""
+"""What the site has beside its pages: examples, tour, joints, MathML."""
 
 from __future__ import annotations
 
 import html
 import re
-from importlib.metadata import version
 from pathlib import Path
 
-import repository
 import tour
 from joints_page import joints_page
 from latex2mathml.converter import convert
@@ -18,15 +16,6 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = re.compile(r"<!-- tour -->\n.*?<!-- end -->\n", re.DOTALL)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
-ADDRESS = repository.repository()
-
-
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Link to the repository, where the project has a public one."""
-    if ADDRESS:
-        config.repo_url, config.repo_name = ADDRESS, repository.owner_and_name(ADDRESS)
-        config.edit_uri = f"edit/{repository.BRANCH}/docs/"
-    return config
 
 
 def _pages() -> list[tour.Page]:
@@ -60,9 +49,6 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if page.file.src_uri == "examples.md":
         cards = "\n".join(_card(one) for one in _pages())
         markdown = TABLE.sub(f'<div class="grid cards" markdown>\n\n{cards}\n\n</div>\n', markdown)
-    if page.file.src_uri == "index.md":
-        badges = repository.badges(ADDRESS, version("cjt-gym"))
-        markdown = markdown.replace("# cjt_gym\n", f"# cjt_gym\n\n{badges}", 1)
     if page.file.src_uri.startswith("tour/"):
         markdown = markdown.replace("](../../docs/", "](../")
         markdown = re.sub(r"\]\((\d\d_\w+)\.ipynb\)", r"](\1.md)", markdown)
@@ -82,12 +68,8 @@ def _mathml(found: re.Match[str]) -> str:
 def _opened(name: str) -> str:
     """Return the links with which a part of the tour opens, as Markdown."""
     path = f"examples/tour/{name}"
-    links = [
-        *repository.notebook_badges(ADDRESS, f"{path}.ipynb"),
-        f"[Notebook](../../{path}.ipynb){{ download .badge }}",
-        f"[Script](../../{path}.py){{ .badge }}",
-    ]
-    return " ".join(links)
+    notebook = f"[Notebook](../../{path}.ipynb){{ download .badge }}"
+    return f"{notebook} [Script](../../{path}.py){{ .badge }}"
 
 
 def _card(page: tour.Page) -> str:

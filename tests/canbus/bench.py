@@ -66,21 +66,6 @@ def config(**changes: dict[str, Any]) -> HardwareConfig:
     return parse_hardware(document(**changes), "bench.toml", Path())
 
 
-def toml(tables: dict[str, Any]) -> str:
-    """Return tables as TOML."""
-    lines = []
-    for name, table in tables.items():
-        lines.append(f"[{name}]")
-        lines += [f"{key} = {_value(value)}" for key, value in table.items()]
-    return "\n".join(lines) + "\n"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
-    return repr(value).replace("'", '"').replace("True", "true").replace("False", "false")
-
-
 def virtual_plant(given: HardwareConfig, record: Path | None = None) -> tuple[CanPlant, Emulator]:
     """Return a connected and armed plant in virtual time, and its emulator."""
     emulator = Emulator(given)

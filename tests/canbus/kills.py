@@ -25,8 +25,9 @@ import can
 
 from cjt_gym.canbus.config import load_hardware
 from cjt_gym.canbus.ports import Port, SocketcandPort
+from cjt_gym.disk import to_toml
 from cjt_gym.records import read_record
-from tests.canbus.bench import DRIVES, document, toml
+from tests.canbus.bench import DRIVES, document
 from tests.canbus.soak import MAIN, free_port
 from tests.canbus.test_buses import served
 
@@ -116,7 +117,7 @@ def end(protocol: str, ending: str, folder: Path) -> Ended:
     """Run a protocol, end the run in one way, and return what became of it."""
     path, out = folder / f"{protocol}.toml", folder / f"{protocol}-{ending.replace(' ', '-')}.csv"
     bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
-    path.write_text(toml(document(bus=bus, drive=DRIVES[protocol], control=CONTROL)))
+    path.write_text(to_toml(document(bus=bus, drive=DRIVES[protocol], control=CONTROL)))
     given = load_hardware(path)
     plug = Plug(SocketcandPort(port=given.bus.port))
     words = ["hardware", str(path), "--arm", "--controller", "none", "--reference", "smooth"]

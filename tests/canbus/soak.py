@@ -36,10 +36,11 @@ from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.timing import PERCENTILES
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.signals import make_signals
-from tests.canbus.bench import DRIVES, document, toml
+from tests.canbus.bench import DRIVES, document
 from tests.canbus.witness import Witnesses
 
 MAIN = "import sys; from cjt_gym.cli import main; sys.exit(main())"
@@ -332,7 +333,7 @@ def soaked(
     bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "joint.toml"
-        path.write_text(toml(document(bus=bus, drive=DRIVES[protocol], control=control)))
+        path.write_text(to_toml(document(bus=bus, drive=DRIVES[protocol], control=control)))
         with emulator(path) as process:
             for number, cpu in zip((0, process.pid), cpus, strict=False):
                 os.sched_setaffinity(number, {cpu})

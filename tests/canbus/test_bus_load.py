@@ -21,8 +21,9 @@ from cjt_gym.canbus.frame_bits import _bits, bits_of, crc, stuffed, wire_time
 from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from tests.canbus.bench import DRIVES, document, sharp, toml
+from tests.canbus.bench import DRIVES, document, sharp
 
 BITRATE = 250_000
 
@@ -136,10 +137,10 @@ def test_joints_that_find_no_room_are_named(
 
 def listed(tables: dict[str, Any]) -> str:
     """Return tables and a list of joints as TOML."""
-    lines = [toml({name: table for name, table in tables.items() if name != "joints"})]
+    lines = [to_toml({name: table for name, table in tables.items() if name != "joints"})]
     for own in tables["joints"]:
         lines.append(f'[[joints]]\nname = "{own["name"]}"')
-        text = toml({name: table for name, table in own.items() if name != "name"})
+        text = to_toml({name: table for name, table in own.items() if name != "name"})
         lines.append(text.replace("\n[", "\n[joints.").replace("[drive]", "[joints.drive]", 1))
     return "\n".join(lines)
 

@@ -16,13 +16,14 @@ from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
 from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.cli import main
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import CjtGymWarning
 from cjt_gym.hardware.beside_simulation import side_by_side
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.deploy.shipped import policy_names
 from cjt_gym.training.tuning.gains import write_gains
-from tests.canbus.bench import config, document, toml
+from tests.canbus.bench import config, document
 from tests.canbus.soak import emulator, free_port
 from tests.canbus.test_buses import PATIENT
 
@@ -33,7 +34,7 @@ SENSORS = {"torque": {"protocol": "dbc", "file": "torque_sensor"}}
 def path(tmp_path: Path) -> Path:
     found = tmp_path / "joint.toml"
     bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
-    text = toml(
+    text = to_toml(
         document(bus=bus, joint={"effects": ["coulomb"]}, control=PATIENT | {"rate_hz": 500})
     )
     found.write_text(text + '[sensors.torque]\nprotocol = "dbc"\nfile = "torque_sensor"\n')

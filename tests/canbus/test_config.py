@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym import disk
 from cjt_gym.canbus.config import load_hardware, parse_hardware
 from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import load_joint, to_toml
 from cjt_gym.joint.build import file_of
-from tests.canbus.bench import config, document, toml
+from tests.canbus.bench import config, document
 
 
 def newton_metres(value: float) -> dict[str, Any]:
@@ -38,7 +39,7 @@ def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
     )
     tables["joint"]["effects"] = {"coulomb_asym": {}, "cogging": {"f": [480], "a": [1], "b": [0]}}
     path = tmp_path / "joint.toml"
-    path.write_text(toml(tables))
+    path.write_text(disk.to_toml(tables))
     found = load_hardware(path)
     assert found.dt == 0.002
     assert found.drive.settings.scaling.gear_ratio == 80.0

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym import disk
 from cjt_gym.baselines.pd_feedforward import ROW as PD
 from cjt_gym.baselines.robust import SPARE_DELAY
 from cjt_gym.canbus.config import HardwareConfig
@@ -26,7 +27,7 @@ from cjt_gym.plant import Measurement
 from cjt_gym.records import Record, read_record
 from cjt_gym.training.evaluation.after_diagnosis import recorded_law
 from cjt_gym.training.tuning.gains import write_gains
-from tests.canbus.bench import config, document, toml, virtual_plant
+from tests.canbus.bench import config, document, virtual_plant
 
 CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")
 FIXED = "output_fixed_rigid_gearbox"
@@ -43,7 +44,7 @@ def written(tmp_path: Path, rate: int, emulator: dict[str, Any]) -> Path:
         limits=LIMITS,
         emulator=emulator,
     )
-    path.write_text(toml(tables))
+    path.write_text(disk.to_toml(tables))
     return path
 
 
@@ -159,7 +160,7 @@ def test_delay_that_no_gains_are_designed_for_is_refused() -> None:
 def test_default_reference_fits_the_limits(tmp_path: Path) -> None:
     tight = {"tau": {"value": 6.0, "unit": "N m"}, "dq_m": {"value": 0.3, "unit": "rad/s"}}
     path, out = tmp_path / "joint.toml", tmp_path / "run.csv"
-    path.write_text(toml(document(drive=ASKED, limits=tight)))
+    path.write_text(disk.to_toml(document(drive=ASKED, limits=tight)))
     words = ["hardware", str(path), "--emulated", "--reference", "step", "--duration", "2"]
     assert main([*words, "--out", str(out)]) == 0
     record = read_record(out)

@@ -11,10 +11,11 @@ import pytest
 import cjt_gym
 from cjt_gym.baselines import make_controller
 from cjt_gym.canbus.safety import HardwareFault, State
+from cjt_gym.disk import to_toml
 from cjt_gym.envs.hardware import HardwareEnv
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.records import read_record
-from tests.canbus.bench import config, document, toml
+from tests.canbus.bench import config, document
 from tests.canbus.test_bus_load import joints, listed
 
 assert cjt_gym.__version__
@@ -23,7 +24,7 @@ SENSORS = {"torque": {"protocol": "dbc", "file": "torque_sensor"}}
 
 def test_is_registered_with_the_spaces_of_the_simulation(tmp_path: Path) -> None:
     path = tmp_path / "joint.toml"
-    path.write_text(toml(document()))
+    path.write_text(to_toml(document()))
     env = gymnasium.make("CJT/Hardware-v0", config=path, arm=True, emulated=True)
     simulated = gymnasium.make("CJT/OutputFixedRigidGearbox-v0")
     assert env.observation_space == simulated.observation_space

@@ -19,8 +19,9 @@ from websockets.sync.client import connect
 
 from cjt_gym.canbus.live import LiveView
 from cjt_gym.cli import main
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError
-from tests.canbus.bench import config, document, toml
+from tests.canbus.bench import config, document
 
 
 class Viewer(threading.Thread):
@@ -84,7 +85,7 @@ def test_the_command_shows_its_run_and_refuses_what_it_cannot_serve(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, out = tmp_path / "joint.toml", tmp_path / "run.csv"
-    path.write_text(toml(document()))
+    path.write_text(to_toml(document()))
     seen = []
     monkeypatch.setattr(LiveView, "see", lambda view, row: seen.append(row))
     words = ["hardware", str(path), "--emulated", "--duration", "0.1", "--controller", "open_loop"]

@@ -20,10 +20,11 @@ from cjt_gym.canbus.protocols.contract import Mode
 from cjt_gym.canbus.safety import MOVES, Guard, HardwareFault, State
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, HardwareError, RecordError
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.records import FORMATS, read_record, write_record
-from tests.canbus.bench import DRIVES, config, document, toml, virtual_plant
+from tests.canbus.bench import DRIVES, config, document, virtual_plant
 
 
 def test_follows_the_simulation_of_the_same_joint() -> None:
@@ -156,12 +157,12 @@ def test_a_record_does_not_overwrite_the_configuration_of_its_run(
     suffix: str, tmp_path: Path
 ) -> None:
     given = tmp_path / "run.toml"
-    given.write_text(toml(document()))
+    given.write_text(to_toml(document()))
     with pytest.raises(RecordError, match="belongs to no record"):
         CanPlant(config(), record=given.with_suffix(suffix))
     with pytest.raises(RecordError, match="belongs to no record"):
         write_record(config().joint.simulate(np.zeros(10), dt=1e-3), given.with_suffix(suffix))
-    assert given.read_text() == toml(document())
+    assert given.read_text() == to_toml(document())
     assert list(tmp_path.iterdir()) == [given]
 
 

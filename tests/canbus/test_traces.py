@@ -12,9 +12,10 @@ import pytest
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
 from cjt_gym.canbus.traces import read_trace
 from cjt_gym.cli import main
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import RecordError
 from cjt_gym.records import read_log, read_record
-from tests.canbus.bench import document, toml
+from tests.canbus.bench import document
 from tests.canbus.protocols.line import DRIVES, Line, settings_for, started
 
 SAMPLES = 300
@@ -140,7 +141,7 @@ def test_traces_are_converted_from_the_command_line(
     config = tmp_path / "joint.toml"
     drive = DRIVES["odrive"] | {"protocol": "odrive"}
     config.write_text(
-        toml(document(drive=drive)) + '[sensors.t]\nprotocol = "dbc"\nfile = "torque_sensor"\n'
+        to_toml(document(drive=drive)) + '[sensors.t]\nprotocol = "dbc"\nfile = "torque_sensor"\n'
     )
     recorded(tmp_path / f"run{suffix}", "odrive")
     out = tmp_path / "run.mcap"

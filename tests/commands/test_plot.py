@@ -67,20 +67,6 @@ def test_columns_are_drawn_in_the_order_asked_for_and_none_is_under_a_legend(
         assert named.get_window_extent().y0 >= axes.get_window_extent().y1
 
 
-def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for words, text in (
-        (["emps", "--out", "x.gif"], "--out must end in .html"),
-        (["emps", "--out", "x.png", "--columns", "q_n"], "Did you mean 'q_m'"),
-        (["emps", "--out", "x.png", "--between", "5", "4"], "--between must hold samples"),
-        (["nothing.csv", "--out", "x.png"], "no file nothing.csv"),
-    ):
-        assert main(["plot", *words]) == 2
-        error = capsys.readouterr().err
-        assert text in error
-        assert error.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_many_samples_keep_their_peaks_and_gaps() -> None:
     t = np.arange(200_000) * 1e-3
     value = np.sin(t)

@@ -127,21 +127,6 @@ def test_several_joints_side_by_side(capsys: pytest.CaptureFixture[str], tmp_pat
     assert text.count("<figure>") == 5
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["orange_80_6000"], "--out FILE is needed"),
-        (["orange_80_6000", "--out", "sheet.doc"], ".pdf, .html, .png"),
-        (["orange_80_6000", "emps", "--out", "sheet.pdf"], "same kind of axis"),
-        (["orange_80", "--json"], "Did you mean"),
-        (["emps", "emps", "--json"], "got emps twice"),
-    ],
-)
-def test_bad_input(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["datasheet", *words]) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_notation() -> None:
     def mark(text: str) -> str:
         return render(text, str, lambda x: f"<{x}>", lambda x: f"[{x}]")

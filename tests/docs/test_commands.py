@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from importlib import import_module
 from pathlib import Path
@@ -10,18 +9,18 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.cli import COMMANDS, Parser, main
+from tests.docs.pages import DOCS, ROOT, blocks
 from tests.docs.test_readme import SHORTENED
 
-ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 RUNNING = ("train", "benchmark", "diagnose")
 """Tutorials whose commands run here; those on hardware run in `test_hardware_pages.py`."""
 
 
 def commands(page: Path) -> list[list[str]]:
     """Return the commands of a page in order, as words."""
-    blocks = re.findall(r"```(?:sh|bash)\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
-    lines = [line for block in blocks for line in block.splitlines()]
+    shown = blocks(page.read_text("utf-8"), "sh|bash")
+    lines = [line for block in shown for line in block.splitlines()]
     return [shlex.split(line, comments=True) for line in lines if line.startswith("cjt-gym ")]
 
 
@@ -50,7 +49,7 @@ def test_commands_of_a_tutorial_run_one_after_the_other(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    lines = commands(ROOT / "docs" / "tutorials" / f"{page}.md")
+    lines = commands(DOCS / "tutorials" / f"{page}.md")
     assert len(lines) > 3
     for _, *words in lines:
         assert main(words + SHORTENED.get(words[0], [])) == 0, (words, capsys.readouterr().err)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,10 +14,10 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effects import Effect, EffectParameter, register_effect
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
+from tests.docs.pages import DOCS, blocks, page
 from tests.python import run_python
 
-PAGES = Path(__file__).parents[2] / "docs" / "extend"
-RUNNING = sorted(path.stem for path in PAGES.glob("*.md") if "```python" in path.read_text())
+RUNNING = sorted(path.stem for path in (DOCS / "extend").glob("*.md") if blocks(path.read_text()))
 DRAG = EffectParameter("drag", "N m", 0.0, 0.0, 20.0, "Drag", ("d_cm", "d_cm_n"))
 
 
@@ -32,8 +31,7 @@ def _tables_as_before() -> Iterator[None]:
 
 
 def run_page(name: str) -> None:
-    text = (PAGES / f"{name}.md").read_text("utf-8")
-    for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+    for block in blocks(page(f"extend/{name}")):
         exec(compile(block, f"{name}.md", "exec"), {"__name__": "example"})
 
 

@@ -1,4 +1,7 @@
-"""The pages on hardware and emulator: their code runs, their tables are those of the code."""
+"""The pages on hardware and emulator: commands and code that needs a bus run, tables are complete.
+
+Their other code runs in `test_pages.py`.
+"""
 
 from __future__ import annotations
 
@@ -23,21 +26,11 @@ from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.records import Record, read_record, write_record
 from tests.canbus.soak import emulator, free_port
+from tests.docs.pages import ROOT, blocks, page
 from tests.python import run_python
 
-ROOT = Path(__file__).parents[2]
-HARDWARE = (ROOT / "docs" / "hardware.md").read_text(encoding="utf-8")
-TUTORIAL = (ROOT / "docs" / "tutorials" / "hardware.md").read_text(encoding="utf-8")
-EMULATOR_PAGE = (ROOT / "docs" / "emulator.md").read_text(encoding="utf-8")
-NEEDS_MORE = re.compile(r"bus\.recv|real\.csv")
-"""Of code that needs a bus, or a record: these have tests of their own."""
-CODE = re.findall(r"```python\n(.*?)```", HARDWARE + EMULATOR_PAGE, flags=re.S)
-
-
-@pytest.mark.parametrize("text", [code for code in CODE if not NEEDS_MORE.search(code)])
-def test_code_runs(text: str) -> None:
-    run = run_python(text, cwd=ROOT)
-    assert run.returncode == 0, run.stderr
+HARDWARE, TUTORIAL, EMULATOR_PAGE = map(page, ("hardware", "tutorials/hardware", "emulator"))
+CODE = blocks(HARDWARE + EMULATOR_PAGE)
 
 
 def test_every_key_experiment_and_fault_is_on_the_page() -> None:
@@ -120,8 +113,8 @@ def trace(config: Path, log: Path) -> None:
 
 def commands() -> list[str]:
     """Return every command of the pages, in order."""
-    blocks = re.findall(r"```sh\n(.*?)```", TUTORIAL + HARDWARE + EMULATOR_PAGE, flags=re.S)
-    return [line.split("  #")[0] for block in blocks for line in block.splitlines()]
+    shown = blocks(TUTORIAL + HARDWARE + EMULATOR_PAGE, "sh")
+    return [line.split("  #")[0] for block in shown for line in block.splitlines()]
 
 
 LONG = re.compile(r"cjt-gym (train|diagnose|plot)|--policy|--benchmark|--experiment")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,16 +10,15 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.quantity import QUANTITY_KEYS
+from tests.docs.pages import DOCS, blocks, page
 
-ROOT = Path(__file__).parents[2]
-
-TEXT = (ROOT / "docs" / "joint_files.md").read_text(encoding="utf-8")
+TEXT = page("joint_files")
 
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Path:
     path = tmp_path / "arm.toml"
-    path.write_text(re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)[0], encoding="utf-8")
+    path.write_text(blocks(TEXT, "toml")[0], encoding="utf-8")
     return path
 
 
@@ -49,7 +47,7 @@ def test_the_page_names_every_key_of_an_entry() -> None:
 
 
 def test_the_drawing_has_the_symbols_of_the_joint() -> None:
-    drawing = ElementTree.parse(ROOT / "docs" / "figures" / "joint.svg")
+    drawing = ElementTree.parse(DOCS / "figures" / "joint.svg")
     words = "".join(drawing.getroot().itertext())
     for symbol in ("Im", "kg", "dmg", "kb", "dgl", "dcm", "kt", "ql"):
         assert symbol in words

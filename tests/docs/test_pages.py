@@ -15,35 +15,37 @@ from cjt_gym.analysis import Figures
 from cjt_gym.joint.build import build_joints
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 from cjt_gym.training.tuning.limits import Limits
+from tests.docs.pages import DOCS, ROOT, blocks, page
 
-DOCS = Path(__file__).parents[2] / "docs"
 WRITTEN_BY = (
     "characteristics_page",
     "controllers_page",
     "effects_page.__main__",
     "protocols_page",
 )
+TUTORIALS = sorted(f"tutorials/{path.stem}" for path in (DOCS / "tutorials").glob("*.md"))
 PRINTED = {
+    "../README": "",
     "benchmark": r"True \('coulomb',\)\n",
     "characteristics": ".",
     "controllers": "",
     "datasheet": ".",
     "diagnosis": "no_gap|explained|partly_explained|unexplained",
+    "emulator": ".",
+    "hardware": ".",
     "joint_files": r'structure = "rigid_gearbox"\n$',
     "symbolic": ".",
+    **dict.fromkeys(TUTORIALS, ""),
 }
 """Pages whose Python runs here, and what each piece of it prints first."""
-
-
-def page(name: str) -> str:
-    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
-
-
-def blocks(name: str, language: str = "python") -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", page(name), re.DOTALL)
-
-
-EXAMPLES = [(name, code) for name in PRINTED for code in blocks(name)]
+NEEDS_MORE = re.compile(r"bus\.recv|real\.csv")
+"""Of code that needs a bus, or a record: `test_hardware_pages.py` has these."""
+EXAMPLES = [
+    pytest.param(name, code, id=name, marks=[pytest.mark.slow] if name in TUTORIALS else [])
+    for name in PRINTED
+    for code in blocks(page(name))
+    if not NEEDS_MORE.search(code)
+]
 
 
 @pytest.mark.parametrize("tool", WRITTEN_BY)
@@ -55,7 +57,7 @@ def test_a_page_that_is_written_is_what_the_tables_say(
     assert import_module(f"tools.{tool}").main(["--check"]) == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("name", "code"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
+@pytest.mark.parametrize(("name", "code"), EXAMPLES)
 def test_an_example_of_a_page_runs(
     name: str,
     code: str,
@@ -65,6 +67,7 @@ def test_an_example_of_a_page_runs(
 ) -> None:
     if name == "symbolic":
         pytest.importorskip("sympy")
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     exec(compile(code, f"{name}.md", "exec"), {"__name__": "example"})
     assert re.match(PRINTED[name], capsys.readouterr().out)
@@ -76,7 +79,7 @@ def test_an_identified_joint_does_what_its_page_says(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "example"}
-    for code in blocks("after_the_diagnosis"):  # one program
+    for code in blocks(page("after_the_diagnosis")):  # one program
         exec(compile(code, "after_the_diagnosis.md", "exec"), names)
     printed = capsys.readouterr().out
     assert "Record a static phase with the joint torque tau" in printed
@@ -89,7 +92,7 @@ def test_an_identified_joint_does_what_its_page_says(
 def test_an_observer_has_the_poles_that_the_page_of_controllers_asks_for(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    (example,) = [code for code in blocks("controllers") if "observer.poles()" in code]
+    (example,) = [code for code in blocks(page("controllers")) if "observer.poles()" in code]
     exec(compile(example, "controllers.md", "exec"), {})
     printed = sorted(float(word) for word in re.findall(r"-\d+\.\d*", capsys.readouterr().out))
     assert printed == pytest.approx([-500.0, -440.0, -380.0], rel=1e-4)
@@ -115,6 +118,6 @@ def test_the_page_of_the_benchmark_names_tasks_figures_and_limits() -> None:
 
 
 def test_the_table_on_the_page_of_data_sheets_is_eight_joints(tmp_path: Path) -> None:
-    (table,) = blocks("datasheet", "toml")
+    (table,) = blocks(page("datasheet"), "toml")
     (tmp_path / "table.toml").write_text(table, encoding="utf-8")
     assert len(build_joints(tmp_path / "table.toml")) == 8

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("canopen")
 
 from cjt_gym.canbus.protocols import PROTOCOLS
+from tests.docs.pages import blocks
 from tools import protocols_page
 
 
@@ -49,7 +50,7 @@ def test_tables_have_as_many_cells_as_their_heads() -> None:
 
 
 def test_the_example_of_a_trace_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (script,) = re.findall(r"```python\n(.*?)```", protocols_page.page(), flags=re.S)
+    (script,) = blocks(protocols_page.page())
     frames = []
     for k in range(300):
         stamp = 1.7e9 + 2e-3 * k

@@ -1,4 +1,4 @@
-"""The README's code runs as it stands; its long commands run shortened."""
+"""The README's commands run, the long ones shortened; its targets, links and names exist."""
 
 from __future__ import annotations
 
@@ -14,17 +14,11 @@ import gymnasium
 import pytest
 
 import cjt_gym  # noqa: F401
-from tests.python import run_python
+from tests.docs.pages import ROOT, blocks, page
 
-ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.S)
-PYTHON = [text for language, text in BLOCKS if language == "python"]
+README = page("../README")
 COMMANDS = [
-    line.split("  #")[0].strip()
-    for language, text in BLOCKS
-    if language == "sh"
-    for line in text.splitlines()
+    line.split("  #")[0].strip() for text in blocks(README, "sh") for line in text.splitlines()
 ]
 SHORTENED = {
     "cjt-gym train": ["--steps", "2048", "--quiet"],
@@ -32,12 +26,6 @@ SHORTENED = {
     "cjt-gym diagnose emps": ["--seconds", "10"],
     "cjt-gym hardware": ["--duration", "2"],
 }
-
-
-@pytest.mark.parametrize("text", PYTHON, ids=[str(k) for k in range(len(PYTHON))])
-def test_python_blocks_run(text: str, tmp_path: Path) -> None:
-    run = run_python(text, cwd=tmp_path)
-    assert run.returncode == 0, run.stderr
 
 
 def test_commands_run_one_after_the_other(tmp_path: Path) -> None:

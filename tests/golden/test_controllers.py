@@ -18,7 +18,6 @@ from cjt_gym import load_joint
 from cjt_gym.baselines import PdFeedForward, make_controller
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.baselines.observers import momentum_observer
-from cjt_gym.baselines.passivity import passivity_law
 from cjt_gym.baselines.pid import pid
 from cjt_gym.baselines.pid_outer_dob import closed_plant
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -87,7 +86,7 @@ def test_integral_with_feedforward_agrees_with_the_toolbox() -> None:
 
 def test_passivity_based_control_agrees_with_the_toolbox() -> None:
     """B / B_d = 4 and D_s = 25 N m s/rad; this joint has no damper beside its spring."""
-    same(run(passivity_law(MODEL, 4.0, 25.0)), VECTORS["passivity"])
+    same(run(linear("passivity", shaping=4.0, damping=25.0)), VECTORS["passivity"])
 
 
 def test_the_momentum_observer_agrees_with_the_toolbox() -> None:

@@ -8,17 +8,17 @@ from pathlib import Path
 from cjt_gym.records import COLUMNS, FORMATS, UNITS
 from cjt_gym.records.mapping import KEYS
 from cjt_gym.records.repair_notes import KINDS
+from tests.docs.pages import blocks, page
 from tests.python import run_python
 
-PAGE = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)
+PAGE = page("records")
 
 
 def test_the_code_of_the_page_runs(tmp_path: Path) -> None:
-    (mapping,) = [text for language, text in BLOCKS if language == "toml"]
+    (mapping,) = blocks(PAGE, "toml")
     (tmp_path / "log.map.toml").write_text(mapping, encoding="utf-8")
     strict = "import warnings; warnings.simplefilter('error')"
-    script = "\n".join([strict, *(text for language, text in BLOCKS if language == "python")])
+    script = "\n".join([strict, *blocks(PAGE)])
     run = run_python(script, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     lines = run.stdout.splitlines()

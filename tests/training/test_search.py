@@ -1,4 +1,4 @@
-"""The search of hyperparameters, and the recipe in the words of rl-zoo3."""
+"""The search of hyperparameters."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import pytest
 
 from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.learning import zoo
 from cjt_gym.training.learning.config import TrainConfig, load_config
 
 pytest.importorskip("optuna")
@@ -51,13 +50,3 @@ def test_a_search_tries_the_recipe_first_and_goes_on(tiny: TrainConfig, tmp_path
 def test_a_search_without_trials_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="--trials must be >= 1"):
         search(Plan("quiet_residual", tmp_path, trials=0))
-
-
-def test_the_recipe_in_the_words_of_rl_zoo3() -> None:
-    found = zoo.hyperparams[zoo.ENVIRONMENT]
-    options = RECIPE.algorithm_options
-    assert found["n_timesteps"] == RECIPE.total_steps
-    assert found["learning_rate"] == f"lin_{options['learning_rate']['start']}"
-    assert found["gamma"] == options["gamma"]
-    assert found["env_kwargs"]["effects"] == RECIPE.env["effects"]
-    assert callable(found["env_kwargs"]["base_controller"])
