@@ -95,7 +95,9 @@ def retold(
     # one that they cannot see for want of a channel.
     told = TOO_FAR_OFF in first.unexplained.text and not judged.unexplained
     staged = bool(first.evidence.regimes)
-    gone = judged.exhausted and main_row(judged).found < GONE * main_row(judged).datasheet
+    main = main_row(judged)
+    gone = judged.exhausted and main.found < GONE * main.datasheet
+    gone = gone and first.unexplained.stage != "drive"  # of which predictions of motion tell little
     beaten = first.verdict == "partly_explained" and judged.answer in ("datasheet", "least squares")
     missed = (first.verdict == "unexplained" or beaten) and not (told or gone)
     outside = staged and judged.cut and missed
