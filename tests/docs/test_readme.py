@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -14,37 +13,27 @@ import gymnasium
 import pytest
 
 import cjt_gym  # noqa: F401
-from tests.docs.pages import ROOT, blocks, page
+from tests.docs.pages import ROOT, commands, page, shortened
 
 README = page("../README")
-COMMANDS = [
-    line.split("  #")[0].strip() for text in blocks(README, "sh") for line in text.splitlines()
-]
-SHORTENED = {
-    "cjt-gym train": ["--steps", "2048", "--quiet"],
-    "cjt-gym benchmark": ["--episodes", "1"],
-    "cjt-gym diagnose emps": ["--seconds", "10"],
-    "cjt-gym hardware": ["--duration", "2"],
-}
 
 
 def test_commands_run_one_after_the_other(tmp_path: Path) -> None:
-    ours = [line for line in COMMANDS if line.startswith("cjt-gym ")]
+    shown = commands(README)
     wanted = {"simulate", "train", "benchmark", "diagnose", "check", "hardware"}
-    assert {line.split()[1] for line in ours} >= wanted
+    assert {words[0] for words in shown} >= wanted
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    for line in ours:
-        shorter = (more for begin, more in SHORTENED.items() if line.startswith(begin))
+    for words in shown:
         run = subprocess.run(
-            [*shlex.split(line), *next(shorter, [])],
+            ["cjt-gym", *shortened(words)],
             capture_output=True,
             text=True,
             cwd=tmp_path,
             env={**os.environ, "PATH": path},
             check=False,
         )
-        assert run.returncode == 0, (line, run.stderr)
+        assert run.returncode == 0, (words, run.stderr)
         assert run.stdout
     found = [json.loads(path.read_text()) for path in named_in(tmp_path)]
     simulated, drive = ({e["name"]: e for e in one["effects"]} for one in found)
