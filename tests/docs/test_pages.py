@@ -69,6 +69,8 @@ def test_an_example_of_a_page_runs(
         pytest.importorskip("sympy")
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
+    registered = re.search(r"^\s*(import|from) cjt_gym", code, re.MULTILINE)
+    assert registered or "CJT/" not in code, "environments are made by who imports cjt_gym"
     exec(compile(code, f"{name}.md", "exec"), {"__name__": "example"})
     assert re.match(PRINTED[name], capsys.readouterr().out)
 
