@@ -36,6 +36,8 @@ from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 from cjt_gym.records.doubts import SLOW_LOG
 
+LOOSE = 5.0
+"""Residual of the drive, in units of noise, above which it is told beside no gap of the drive."""
 MOST = 0.5
 """Share of a log above which it need not be said that the rest of it was not used."""
 
@@ -193,6 +195,13 @@ def remarked(
         remarks.append(
             "Channels contradict each other or the joint, as with a wrong unit, sign or side: see "
             "the faults of the log before you rely on the rest."
+        )
+    drive = found.stages.get("drive")
+    if drive is not None and not drive.significant and drive.after > LOOSE:
+        remarks.append(
+            f"The current follows its command less closely than noise allows (a residual of "
+            f"{drive.after:.3g}), and predictions start from the current: no effect of the drive "
+            "explains it, as where its loop is faster than the log."
         )
     parts = [one.record for one in used]
     total, kept = (sum(float(x.t[-1] - x.t[0]) for x in some) for some in (given, parts))

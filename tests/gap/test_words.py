@@ -11,7 +11,7 @@ from cjt_gym.commands.diagnose import joint_text
 from cjt_gym.gap import Diagnosis
 from cjt_gym.gap.check.faults import UNITS
 from cjt_gym.gap.diagnose import remarked
-from cjt_gym.gap.diagnosis import Horizon, Interval, NamedEffect
+from cjt_gym.gap.diagnosis import Horizon, Interval, NamedEffect, StageGap
 from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.report import summary
 from cjt_gym.gap.report.page import page
@@ -123,6 +123,9 @@ def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
     said = "i repeats i_cmd in every row, and was not used."
     copied = remarked(explained, *known[:3], [said]).unexplained.text
     assert copied.startswith(said)
+    loose = {**explained.stages, "drive": StageGap(25.0, 25.0, False)}
+    told = remarked(replace(explained, stages=loose), *known).unexplained.text
+    assert told.startswith("The current follows its command less closely than noise allows")
 
 
 def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -> None:
