@@ -351,18 +351,19 @@ def test_a_plainer_law_is_tried_from_what_the_refined_one_had_found(
 
 
 @pytest.mark.parametrize(
-    ("name", "samples", "status"),
+    ("name", "samples", "size", "status"),
     [
-        ("noise", 0.01, "confirmed"),
-        ("noise", 0.1, "tentative"),
-        ("quantization", 0.1, "confirmed"),
+        ("noise", 0.01, 0.1, "confirmed"),
+        ("noise", 0.1, 0.1, "tentative"),
+        ("noise", 0.1, 1.0, "confirmed"),
+        ("quantization", 0.1, 0.1, "confirmed"),
     ],
 )
 def test_noise_that_the_clock_may_scatter_is_not_confirmed(
-    name: str, samples: float, status: str
+    name: str, samples: float, size: float, status: str
 ) -> None:
     setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
     jittered = replace(setting.noise["tau"], jitter=samples * setting.series.dt)
     setting = replace(setting, noise={**setting.noise, "tau": jittered})
-    row = _sensor_row(SensorFinding(name, "tau", 0.1, 0.09, 0.11, 2.0), setting)
+    row = _sensor_row(SensorFinding(name, "tau", size, 0.9 * size, 1.1 * size, 2.0), setting)
     assert row.status == status

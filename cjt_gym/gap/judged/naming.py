@@ -47,6 +47,9 @@ JITTERED = 0.03
 """Deviation of the sampling times that a channel shows, in samples, above which it may scatter by
 the clock: on two simulated logs whose clock jittered by 0.10 and 0.12 samples and whose noise was
 as stated, the rest of it passed for 1.4 and 2.3 times that noise."""
+SHAKEN = 0.3
+"""Share of the noise found that this must cause: less is chance, as the slope of a noisy channel is
+seen over few samples. On those logs it must have been 0.7 and 0.9 for the noise that was found."""
 CLOCK = "it scatters with its slope, as if the sampling times jittered"
 """Doubt of the noise of such a channel."""
 
@@ -263,5 +266,7 @@ def _sensor_row(finding: SensorFinding, setting: Setting) -> NamedEffect:
         0.95,
         1.0 - 1.0 / finding.factor,
     )
-    jittered = setting.noise[finding.channel].jitter > JITTERED * setting.series.dt
+    jitter = setting.noise[finding.channel].jitter
+    moved = jitter * float(np.sqrt(np.mean(setting.series.speed(finding.channel) ** 2)))
+    jittered = jitter > JITTERED * setting.series.dt and moved > SHAKEN * finding.value
     return effect.doubted(CLOCK) if jittered and finding.name == "noise" else effect
