@@ -69,8 +69,8 @@ def identified_joint(
     p = joint.parameters
     common = _common_deviation(p.quantities) if setting.cut_at_spring else 0.0
     known = {
-        symbol: (row[0], rounded(math.hypot(row[1], common * symbol.startswith(OF_TORQUE))))
-        for symbol, row in refined.items()
+        symbol: (value, rounded(math.hypot(own, common)) if symbol.startswith(OF_TORQUE) else own)
+        for symbol, (value, own) in refined.items()
         if symbol in p.quantities
     }
     parameters = replace(

@@ -133,7 +133,7 @@ def backlash(view: View) -> Verdict:
     """Judge backlash, which requires zero crossings of the torque and a fine deflection."""
     if view.wound and view.load is not None:
         load, wide = view.load, max(float(np.ptp(deflection(view, x))) for x in view.stretches)
-        crossings = changes_of_sign(load.y, 3.0 * load.scatter)
+        crossings = _changes_of_sign(load.y, 3.0 * load.scatter)
         size = RELIABLE * load.scatter / view.value("k_b") / np.sqrt(max(crossings, 1))
         if crossings >= CROSSINGS and size <= PLAY * wide:
             return Seen(float(size), view.angle_unit)
@@ -154,10 +154,10 @@ def backlash(view: View) -> Verdict:
 
 def _crossings(view: View) -> int:
     noise = 3.0 * view.channels["tau"].noise
-    return sum(changes_of_sign(piece["tau"], noise) for piece in view.stretches)
+    return sum(_changes_of_sign(piece["tau"], noise) for piece in view.stretches)
 
 
-def changes_of_sign(x: Floats, noise: float) -> int:
+def _changes_of_sign(x: Floats, noise: float) -> int:
     """Return how often a signal passes through a band of noise around zero."""
     way = np.sign(x[np.abs(x) > noise])
     return int(np.count_nonzero(np.diff(way)))

@@ -76,11 +76,10 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
     data that were fitted, too, it may be slightly worse before the longest horizon if it is clearly
     better there: a few starts on which a step of the input falls decide that.
     """
-    parts = [case.test, case.all]
+    parts = [case.all, case.test]
     if "presliding" in joints[name].effects:
         parts.append(case.test.alone())
-    several = {} if case.apart else joints
-    everywhere = {n: relative(case.all, case.all.errors(j)) for n, j in several.items()}
+    everywhere: dict[str, tuple[dict[Key, float], dict[Key, float]]] = {}
     for windows in {id(w): w for w in parts}.values():
         errors = windows.errors(joints[name])
         own = relative(windows, errors)
@@ -88,10 +87,12 @@ def is_no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
             others = windows.errors(joints[other])
             known = relative(windows, others)
             more = [_of_the_start(own, known)]
+            if windows is case.all:
+                everywhere[other] = own, known
+            elif windows is case.test:
+                more.append(_by_chance(*everywhere[other]))
             if windows is not case.test:
                 more.append(_forgiven(own, known))
-            elif not case.apart:
-                more.append(_by_chance(everywhere[name], everywhere[other]))
             slack = {k: max(_slack(k), *(one.get(k, 1.0) for one in more)) for k in windows.keys}
             lost = worse(windows, errors, others, slack)
             if lost and (

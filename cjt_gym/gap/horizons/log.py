@@ -16,11 +16,10 @@ from scipy.signal import savgol_filter
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.horizons.spent import STUCK
 from cjt_gym.gap.recorded.series import SLOW, current_before, same_file
-from cjt_gym.gap.recorded.slope import is_slope
+from cjt_gym.gap.recorded.slope import in_time, is_slope
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
-from cjt_gym.records.doubts import LATE, lag_of
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -196,7 +195,7 @@ def to_log(
     states = _smooth_states(angles, _usual_count(dt), dt)
     with_speed = "dq_m" in even and is_slope(even["dq_m"], angles[:, 0], dt)
     if with_speed:
-        states[:, 3] = _in_time(even["dq_m"], angles[:, 0])
+        states[:, 3] = in_time(even["dq_m"], angles[:, 0])
     load = even.get("tau_l", np.zeros(len(grid)))
     pulling = _until_next(load, 0.5 / every)
     if structure.output_fixed:
@@ -231,13 +230,6 @@ def _until_next(x: Floats, share: float) -> Floats:
     within a row only.
     """
     return np.asarray(x + share * np.diff(x, append=x[-1:]))
-
-
-def _in_time(speed: Floats, angle: Floats) -> Floats:
-    """Return a velocity without the time by which a filter makes it late against its angle."""
-    late, _ = lag_of(np.gradient(angle), speed)
-    rows = np.arange(len(speed), dtype=float)
-    return np.interp(rows + late, rows, speed) if abs(late) > LATE else speed
 
 
 def _even(grid: Floats, t: Floats, x: Floats) -> Floats:

@@ -1,10 +1,12 @@
-"""Whether a measured velocity is the slope of its angle."""
+"""Whether a measured velocity is the slope of its angle, and how late it is."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+
+from cjt_gym.records.doubts import ALIKE, LATE, lag_of
 
 Floats = NDArray[np.float64]
 AHEAD = 0.5
@@ -52,3 +54,12 @@ def is_slope(speed: Floats, angle: Floats, dt: float) -> bool:
     """Return whether a measured velocity integrates to the change of its angle."""
     factor, off, rest = integrated(speed, angle, dt)
     return off < ASTRAY and not is_scaled(factor, rest)
+
+
+def in_time(speed: Floats, angle: Floats) -> Floats:
+    """Return a velocity, shape (N,), without the time by which a filter makes it late."""
+    late, alike = lag_of(np.gradient(angle), speed)
+    if alike < ALIKE or abs(late) <= LATE:
+        return speed
+    rows = np.arange(len(speed), dtype=float)
+    return np.interp(rows + late, rows, speed)

@@ -226,17 +226,15 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return the verdict in one plain sentence."""
     gap = diagnosis.gap
     if diagnosis.verdict == "no_gap":
-        text = (
-            "There is no gap: within tolerances and sensor noise the joint does what its "
-            "datasheet says."
-        )
+        row = _above_the_floor(diagnosis)
+        none, noise = ("no gap", " and sensor noise") if row is None else ("hardly a gap", "")
+        text = f"There is {none}: within tolerances{noise} the joint does what its datasheet says."
         if gap.after < CORRECTED * gap.before:
             text = (
-                "There is no gap but in values that the datasheet guesses, gives with a tolerance "
-                "or does not state."
+                f"There is {none} but in values that the datasheet guesses, gives with a "
+                "tolerance or does not state."
             )
-        if (row := _above_the_floor(diagnosis)) is not None:
-            text = text.replace("is no gap", "is hardly a gap").replace(" and sensor noise", "")
+        if row is not None:
             text += (
                 f" The {percent(row.found)} that its predictions leave {row.seconds:g} s ahead are "
                 f"small, but more than the {percent(row.floor or 0.0)} that could not be "
