@@ -207,3 +207,17 @@ def test_dry_friction_is_not_confirmed_where_motion_in_one_direction_hides_an_of
     (doubtful,) = allowed_by(found, hidden).effects
     assert (doubtful.status, doubtful.confidence) == ("tentative", 0.5)
     assert "does not tell it from an offset" in doubtful.doubt
+
+
+def test_a_delay_shorter_than_the_record_shows_is_not_confirmed() -> None:
+    table = columns(seconds=4.0)
+    del table["i_cmd"]
+    found = diagnose([log(table)], mass(d_m=DAMPING), structure="rigid")
+    assert found.examination is not None
+    exam = replace(found.examination, smallest={"torque_delay": (2.5e-4, "s")})
+    for delay, status in ((1e-4, "tentative"), (3e-4, "confirmed")):
+        value = {"delay": Interval(delay, 0.9 * delay, 1.1 * delay, "s")}
+        late = replace(found.effects[0], name="torque_delay", parameters=value)
+        (told,) = allowed_by(replace(found, effects=(late,), examination=exam), {}).effects
+        assert told.status == status
+        assert ("0.25 ms" in told.doubt) == (status == "tentative")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -42,8 +42,8 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor Stribeck friction of which none may be left at
     speed, nor a torque over the angle whose frequency stays open, nor friction as asymmetric whose
-    two directions hardly differ. Beside the faults of `UNSOUND` only effects of the sensors are,
-    beside those of `DISTORTED` none.
+    two directions hardly differ, nor a delay shorter than the record could show. Beside the faults
+    of `UNSOUND` only effects of the sensors are, beside those of `DISTORTED` none.
     """
     advice = () if first.examination is None else first.examination.advice
     why = dict.fromkeys(excluded, "check says that this record cannot tell it")
@@ -59,6 +59,8 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     if skewed or any(_falls_to_nothing(e) for e in open_):
         open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
     open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
+    least = {} if first.examination is None else first.examination.smallest
+    open_ = [e.doubted(_too_short(least[e.name][0])) if _is_short(e, least) else e for e in open_]
     effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
     for fault, said in UNSOUND.items():
         if fault in advice:
@@ -83,6 +85,16 @@ def _falls_to_nothing(effect: NamedEffect) -> bool:
     """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
     levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
+
+
+def _is_short(effect: NamedEffect, least: Mapping[str, tuple[float, str]]) -> bool:
+    """Return whether a delay is one that damping and stiffness within their tolerances make."""
+    delay = effect.parameters.get("delay")
+    return delay is not None and effect.name in least and delay.value < least[effect.name][0]
+
+
+def _too_short(least: float) -> str:
+    return f"check says that this record shows delays from {1e3 * least:.2g} ms on"
 
 
 def _turned(first: Diagnosis) -> float:
