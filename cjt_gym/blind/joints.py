@@ -131,8 +131,21 @@ def draw_joint(structure: Structure, rng: np.random.Generator) -> tuple[World, D
     seen = rng.random() < 0.15 and structure.gear_is_soft
     channels = tuple(name for name in CHANNELS if name != "q_g" or seen)
     stated = {"n": plant.n, **values}
-    sheet = Datasheet(stated, TOLERANCES, i_p, bandwidth, resolution, noise, channels, DT, jitter)
+    specified = _as_sensed(world)
+    sheet = Datasheet(
+        stated, TOLERANCES, i_p, bandwidth, resolution, specified, channels, DT, jitter
+    )
     return world, sheet
+
+
+def _as_sensed(world: World) -> tuple[float, ...]:
+    """Return the noise of each channel; a rigid joint passes the motor's own on to its torque."""
+    *others, torque = world.noise
+    if world.structure.bar_is_soft:
+        return world.noise
+    p = world.plant
+    share = p.I_l / (p.I_m + p.I_g + p.I_l)
+    return (*others, float(np.hypot(torque, share * world.process)))
 
 
 def as_stated(world: World, sheet: Datasheet) -> World:

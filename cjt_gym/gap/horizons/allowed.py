@@ -11,6 +11,7 @@ from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, OTHERS, SCALES, SLOPES
 from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
 from cjt_gym.gap.horizons.inverse import DRAGS, ONE_WAY
 from cjt_gym.gap.horizons.model import MEASURES
+from cjt_gym.gap.horizons.rows import WINDINGS
 
 SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
 """Laws that differ between the directions, and what they are if the record shows no difference."""
@@ -31,6 +32,7 @@ five real records, of three to fifteen periods, was 0.01 to 0.05 of the frequenc
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
 asymmetric: of equal friction in both, errors of the model have made 2 %."""
+QUICK = "it may fade as fast as any winding could, as what is no heat does"
 BESIDE_ANOTHER = "the law of the friction beside it stays open"
 """Doubt of damping beside Stribeck friction without a level or beside friction that perhaps depends
 on the direction."""
@@ -42,8 +44,9 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor Stribeck friction of which none may be left at
     speed, nor a torque over the angle whose frequency stays open, nor friction as asymmetric whose
-    two directions hardly differ, nor a delay shorter than the record could show. Beside the faults
-    of `UNSOUND` only effects of the sensors are, beside those of `DISTORTED` none.
+    two directions hardly differ, nor heat that fades at once, nor a delay shorter than the record
+    could show. Beside the faults of `UNSOUND` only effects of the sensors are, beside those of
+    `DISTORTED` none.
     """
     advice = () if first.examination is None else first.examination.advice
     why = dict.fromkeys(excluded, "check says that this record cannot tell it")
@@ -59,6 +62,7 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     if skewed or any(_falls_to_nothing(e) for e in open_):
         open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
     open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
+    open_ = [e.doubted(QUICK) if _is_quick(e) else e for e in open_]
     least = {} if first.examination is None else first.examination.smallest
     open_ = [e.doubted(_too_short(least[e.name][0])) if _is_short(e, least) else e for e in open_]
     effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
@@ -85,6 +89,12 @@ def _falls_to_nothing(effect: NamedEffect) -> bool:
     """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
     levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
+
+
+def _is_quick(effect: NamedEffect) -> bool:
+    """Return whether heat may fade as fast as any winding could."""
+    time = effect.parameters.get("T_thw")
+    return time is not None and time.low <= WINDINGS[0]
 
 
 def _is_short(effect: NamedEffect, least: Mapping[str, tuple[float, str]]) -> bool:
