@@ -52,6 +52,7 @@ from cjt_gym.gap.stages.predictor import (
     direct,
     innovation_std,
     run_predictor,
+    start_shapes,
     torque_response,
 )
 from cjt_gym.gap.stages.spring import spring_torque
@@ -401,7 +402,8 @@ class Stages:
             variance += fftconvolve(late**2, response**2)[: len(late)]
         if name == "motor":
             variance *= s.allowance**2
-        return Gain(k, std, np.sqrt(np.maximum(variance, 1e-300)))
+        scatter = np.sqrt(np.maximum(variance, 1e-300))
+        return Gain(k, std, scatter, start_shapes(chain, k, scatter, s.series.valid[channel]))
 
     def _innovations(self, name: str, series: Series, fields: Fields, piece: Piece) -> Prediction:
         channel = "q_m" if name == "motor" else "q_l"
@@ -411,6 +413,8 @@ class Stages:
         seen = Measured(gain.k, y, series.valid[channel])
         e, states, friction = run_predictor(fields, piece, x0, series.dt, seen)
         residual = np.where(seen.valid, e / gain.scatter, 0.0)
+        first = residual[: len(gain.start)]
+        first -= gain.start @ (gain.start.T @ first)
         residual[: self.setting.settle] = 0.0
         return Prediction(residual, states, friction)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.gap.recorded.fields import LAW_SIZE, Fields, friction_law, has_friction
 from cjt_gym.gap.recorded.setting import Setting
@@ -15,6 +16,10 @@ from cjt_gym.joint.arrays import Floats
 
 RESPONSE = 200
 """Samples after which a predictor has forgotten a torque."""
+STARTING = 1000
+"""Samples after which it has forgotten its first state, at most a quarter of a record."""
+FELT = 1e-3
+"""Relative size below which a shape that the first state makes is not there."""
 
 
 @dataclass(eq=False)
@@ -25,11 +30,14 @@ class Gain:
         k: Gain, shape (n,).
         std: Deviation of the innovations.
         scatter: Deviation at every sample, including sampling jitter, shape (N,).
+        start: Shapes of the first residuals that an error of the first state makes, orthonormal,
+            shape (M, n).
     """
 
     k: Floats
     std: float
     scatter: Floats
+    start: Floats
 
 
 @dataclass(eq=False)
@@ -106,6 +114,22 @@ def torque_response(chain: Chain, k: Floats, body: int) -> Floats:
         out[t] = x[0]
         x = chain.a @ (x - k * out[t])
     return out
+
+
+def start_shapes(chain: Chain, k: Floats, scatter: Floats, valid: NDArray[np.bool_]) -> Floats:
+    """Return the shapes of the residuals that errors of the first state make; see `Gain`.
+
+    A log cut in motion begins with a measured speed that may be far off, and a predictor with a
+    small gain forgets it slowly.
+    """
+    rows = min(STARTING, len(scatter) // 4)
+    x, out = np.eye(len(k)), np.zeros((rows, len(k)))
+    for t in range(rows):
+        out[t] = x[0]
+        x = chain.a @ (x - np.outer(k, out[t]) * valid[t])
+    made = np.where(valid[:rows, None], out / scatter[:rows, None], 0.0)
+    u, size, _ = np.linalg.svd(made, full_matrices=False)
+    return np.asarray(u[:, size > FELT * max(size[0], 1e-300)])
 
 
 def innovation_std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> float:
