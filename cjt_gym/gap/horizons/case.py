@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
-from cjt_gym.gap.horizons.log import SMOOTH, Log, to_logs
+from cjt_gym.gap.horizons.log import SMOOTH, Log, speed_noise, to_logs
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.pieces import cut, split
 from cjt_gym.gap.horizons.windows import HORIZONS, Windows, make_windows, rescaled
@@ -21,9 +21,12 @@ from cjt_gym.records import Record
 NARROWER, NARROWEST = (2, 4), 3
 """Divisors of the time over which states are smoothed that are tried, and fewest samples."""
 WIDER, CLEARER = (2, 4, 8, 16), 0.5
-"""Factors on that time that are tried as well, for angles in coarse steps, and ratio of the mean
-square errors, over all horizons, below which one of them is taken. On two wheels with 48 steps a
-revolution it was 0.13 and 0.19, on a finely measured cart 0.7 and more."""
+"""Factors on that time that are tried with coarse angles, and ratio of the mean square errors, over
+all horizons, below which one of them is taken. On two wheels with 48 steps a revolution it was 0.13
+and 0.19."""
+ALOUD, COARSE = ("q_m", 0.1), 0.3
+"""Horizon over which the noise of the first speed, as its error grows, is compared with the motion,
+and its ratio to that motion above which the angle is coarse. It was 0.9 and 1.9 on the wheels."""
 SLOW = 4e-3
 """Sample time above which what drives a joint changes much from row to row [s]: the slope of its
 angle is no longer its speed."""
@@ -110,16 +113,27 @@ def sharp(case: Case, joints: Sequence[Joint], most: float = 1.0) -> Case:
 def _calmed(case: Case, joints: Sequence[Joint]) -> Case:
     """Return a case whose predictions start from states smoothed for longer if that is far better.
 
-    Its windows are scaled anew: from a better start, motion at constant speed predicts more.
+    That is tried with coarse angles only: in other logs it flatters joints that are far off.
     """
+    if not _is_coarse(case):
+        return case
     wider = [_changed(case, partial(Log.started, width=k * SMOOTH)) for k in WIDER]
     known, *others = (
-        min(sum(np.log(np.mean(e**2) + 1e-300) for e in one.fit.errors(joint)) for joint in joints)
-        / len(one.fit.keys)
+        min(sum(np.log(np.mean(e**2)) for e in one.fit.errors(joint)) for joint in joints)
         for one in (case, *wider)
     )
     best = int(np.argmin(others))
-    return _rescaled(wider[best]) if others[best] < known + np.log(CLEARER) else case
+    enough = len(case.fit.keys) * np.log(CLEARER)
+    return wider[best] if others[best] < known + enough else case
+
+
+def _is_coarse(case: Case) -> bool:
+    """Return whether noise of the motor's angle makes much of what is predicted from its speed."""
+    if ALOUD not in case.fit.keys:
+        return False
+    scale = float(np.sqrt(case.fit.scales[case.fit.keys.index(ALOUD)]))
+    slurs = [speed_noise(log.angles[:, 0], log.dt) for log in case.logs]
+    return float(np.median(slurs)) * ALOUD[1] > COARSE * scale
 
 
 def by_angle(case: Case) -> Case:
@@ -127,13 +141,9 @@ def by_angle(case: Case) -> Case:
 
     Its windows are scaled anew: from a worse start, motion at constant speed predicts less.
     """
-    return _rescaled(_changed(case, Log.by_angle))
-
-
-def _rescaled(case: Case) -> Case:
-    """Return a case relative to motion at constant speed from the states it starts from."""
-    fit, test, every = (rescaled(w) for w in (case.fit, case.test, case.all))
-    return replace(case, fit=fit, test=test, all=every)
+    changed = _changed(case, Log.by_angle)
+    fit, test, every = (rescaled(w) for w in (changed.fit, changed.test, changed.all))
+    return replace(changed, fit=fit, test=test, all=every)
 
 
 def _changed(case: Case, change: Callable[[Log], Log]) -> Case:

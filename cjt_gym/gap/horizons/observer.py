@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import binom
 
-from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.log import Log, angle_noise
 from cjt_gym.gap.horizons.model import motor_inertia
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
 from cjt_gym.joint import Joint
@@ -26,8 +25,6 @@ UNMODELLED = 0.1
 """White torque on motor and load that the model lacks, relative to the rms torque of the motor, or
 to that of its inertia if nothing drives it. With a tenth of it the errors of six right joints 0.1 s
 ahead were 0.5 to 1.8 times as large."""
-DIFFERENCES = 3
-"""Order of the differences of an angle that show its noise."""
 
 
 class Given(NamedTuple):
@@ -121,7 +118,7 @@ def _gain(joint: Joint, batch: JointBatch, log: Log) -> Floats:
     if torque <= CONSTANT * unit * float(np.abs(command).max()):
         torque = motor_inertia(joint) * float(np.std(log.acceleration))
     torque *= UNMODELLED
-    noise = [_noise(log.angles[:, k]) for k in seen]
+    noise = [angle_noise(log.angles[:, k]) for k in seen]
     gain = np.zeros((6, 3))
     found = kalman_gain(chain, [groups[k] for k in seen], (torque, 0.0, torque), noise)
     for body, group in enumerate(groups):
@@ -142,10 +139,3 @@ def _chain(groups: tuple[int, int, int], p: np.void, dt: float) -> Chain:
     ]
     inertia, damping = ([float(p[f"{x}_{b}"]) for b in "mgl"] for x in "Id")
     return build_chain(groups, inertia, damping, links, dt)
-
-
-def _noise(x: Floats) -> float:
-    """Return the standard deviation of an angle's noise, or of its rounding."""
-    weights = binom(DIFFERENCES, np.arange(DIFFERENCES + 1))
-    spread = float(np.std(np.diff(x, DIFFERENCES))) / float(np.sqrt(np.sum(weights**2)))
-    return max(spread, 1e-6 * float(np.ptp(x)), 1e-12)
