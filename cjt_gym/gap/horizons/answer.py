@@ -101,7 +101,8 @@ def _told(
     told = allowed_by(with_drag(with_late_drive(told, found), found), excluded)
     beside = any(e.name not in MEASURES for e in told.effects) and found.answer == "found"
     strained = gave_way(found, told.effects) if beside else ""
-    text = " ".join(filter(None, (_contradicted(found), strained, told.unexplained.text)))
+    said = (_ahead(found), _contradicted(found), strained, told.unexplained.text)
+    text = " ".join(filter(None, said))
     told = replace(told, unexplained=replace(told.unexplained, text=text))
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
@@ -109,6 +110,18 @@ def _told(
         dry = tuple(e for e in first.effects if e.name in DRY)
         return _suspected(told, first, dry, FURTHER)
     return told
+
+
+def _ahead(found: Judgement) -> str:
+    """Return that the motion is ahead of the current that is its input, "" if it is not."""
+    log = found.case.logs[0]
+    if not log.early:
+        return ""
+    return (
+        f"The motion is best predicted by the current of {log.early:.2g} rows later "
+        f"({1e3 * log.early * log.dt:.2g} ms): i is logged late. Map i with samples_late = "
+        f"{round(log.early)}."
+    )
 
 
 def _with_counts(told: Diagnosis, file: JointFile) -> Diagnosis:

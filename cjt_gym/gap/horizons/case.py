@@ -157,9 +157,15 @@ def _changed(case: Case, change: Callable[[Log], Log]) -> Case:
 
 
 def late(case: Case, rows: float) -> Case:
-    """Return a case of a joint that its input moves late by some rows."""
+    """Return a case of a joint that its input moves late by some rows.
+
+    What a current reached the log late is no delay of its drive.
+    """
     fit, test, every = (late_windows(windows, rows) for windows in (case.fit, case.test, case.all))
-    return replace(case, logs=fit.logs, fit=fit, test=test, all=every)
+    drive, log = case.drive, fit.logs[0]
+    if drive is not None:
+        drive = replace(drive, delay=max(drive.delay - log.early * log.dt, 0.0))
+    return replace(case, logs=fit.logs, fit=fit, test=test, all=every, drive=drive)
 
 
 def late_windows(windows: Windows, rows: float) -> Windows:

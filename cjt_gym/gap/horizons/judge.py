@@ -108,6 +108,8 @@ def judge(
     )  # fmt: skip
     if not timed and (rows := lateness(case, found.fit)) != case.logs[0].usual:
         case = late(case, rows)
+        if case.logs[0].early:  # the stages took the current as it was logged
+            stages, suspects = None, ()
         return judge(case, stages, progress, suspects, excluded, explained=explained, timed=True)
     found = _beyond_tolerance(problem, test, found)
     tests = _tested(problem, test, found)[1]

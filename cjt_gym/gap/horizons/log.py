@@ -71,6 +71,7 @@ class Log:
         filtered: Whether predictions start from what a filter of the joint estimates.
         from_slope: Whether they start from the slope of the angle although its velocity was
             measured.
+        early: Rows by which the motion is ahead of its input, more than within a row.
     """
 
     dt: float
@@ -94,6 +95,7 @@ class Log:
     past: Floats = field(default_factory=lambda: np.zeros(0))
     filtered: bool = False
     from_slope: bool = False
+    early: float = 0.0
 
     def __len__(self) -> int:
         return len(self.t)
@@ -116,8 +118,11 @@ class Log:
         return 0.0 if self.drive == "i" else 0.5
 
     def late(self, rows: float) -> Log:
-        """Return the log of a joint that its input moves late by some rows."""
-        return replace(self, acting=_until_next(self.command, (0.5 - rows) / self.rows))
+        """Return the log of a joint that its input moves late by some rows, early if negative."""
+        early = -rows if rows < -0.5 else 0.0
+        command = _until_next(self.command, early)
+        acting = _until_next(command, (0.5 - rows - early) / self.rows)
+        return replace(self, command=command, acting=acting, early=early)
 
     def started(self, width: float) -> Log:
         """Return the log with predictions that start from states smoothed over a time [s]."""
@@ -227,12 +232,13 @@ def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[st
 
 
 def _until_next(x: Floats, share: float) -> Floats:
-    """Return what acts from each sample to the next: the first and a share of the change.
+    """Return what acts from each sample to the next: the value after a share of the time between.
 
     Samples that are means over several rows, each of the value at its beginning, lack the rise
-    within a row only.
+    within a row only. Inputs that are logged late act before their row: the share is above 1.
     """
-    return np.asarray(x + share * np.diff(x, append=x[-1:]))
+    rows = np.arange(len(x))
+    return np.asarray(np.interp(rows + share, rows, x))
 
 
 def _even(grid: Floats, t: Floats, x: Floats) -> Floats:
