@@ -25,6 +25,7 @@ from cjt_gym.gap.stages.fit import Model, Problem
 from cjt_gym.gap.stages.intervals import is_open
 from cjt_gym.gap.stages.kernel import friction_torque
 from cjt_gym.gap.stages.periodic import periodic_starts
+from cjt_gym.gap.stages.predictor import start_shapes
 from cjt_gym.gap.stages.sensing import SensorFinding
 from cjt_gym.gap.stages.spring import slip, spring_torque
 from cjt_gym.joint import get_structure
@@ -109,6 +110,23 @@ def test_the_gain_makes_the_predictor_stable() -> None:
     k = kalman_gain(chain, (0,), (0.1, 0.1, 0.0), (2e-6,))
     closed = chain.a @ (np.eye(2) - k @ np.array([[1.0, 0.0]]))
     assert np.abs(np.linalg.eigvals(closed)).max() < 1.0
+
+
+def test_a_wrong_first_state_leaves_no_residual() -> None:
+    """Here the predictor needs 100 samples to forget it; one sample in ten was not measured."""
+    chain = build_chain((0, 0, -1), (0.2, 0.1, 0.0), (0.5, 1.0, 0.0), (), 1e-3)
+    k = kalman_gain(chain, (0,), (0.01, 0.0, 0.0), (2e-6,)).ravel()
+    valid, scatter = np.arange(4000) % 10 != 3, np.linspace(1e-6, 3e-6, 4000)
+    start = start_shapes(chain, k, scatter, valid)
+    x, residual = np.array([1e-5, 2e-3]), np.zeros(4000)
+    for row in range(4000):
+        residual[row] = x[0] / scatter[row] * valid[row]
+        x = chain.a @ (x - k * x[0] * valid[row])
+    first = residual[: len(start)]
+    left = first - start @ (start.T @ first)
+    assert np.abs(first).max() > 10.0
+    assert np.abs(left).max() < 1e-6
+    assert np.abs(residual[len(start) :]).max() < 1e-3
 
 
 def test_noise_is_read_under_a_moving_signal() -> None:

@@ -52,6 +52,24 @@ def test_the_noise_of_a_coarse_angle_is_filtered() -> None:
     assert np.array_equal(case.logs[0].first, sharper.logs[0].first)
 
 
+@pytest.mark.parametrize(("steps", "smoothed"), [(48, True), (8192, False)])
+def test_the_speed_of_an_angle_in_coarse_steps_is_smoothed_for_longer(
+    steps: int, *, smoothed: bool
+) -> None:
+    """A wheel with hall sensors: a step of its angle is as large as its motion in a window."""
+    joint = Joint(datasheet(1.0), "rigid", "current", {})
+    t = 5e-3 * np.arange(4000)
+    amps = 0.5 * np.sign(np.sin(0.9 * t)) + 0.2
+    made = joint.simulate(amps, dt=5e-3)["true_q_m"]
+    step = 2.0 * np.pi / steps
+    columns = {"t": t, "i": amps, "q_m": step * np.round(made / step)}
+    told = Record(columns, {"t": "s", "i": "A", "q_m": "rad"}, structure="rigid")
+    case = make_case([told], [], datasheet(1.0), get_structure("rigid"))
+    calmer = sharp(case, [case.joint])
+    before, after = (relative(c.test, c.test.errors(joint))["q_m", 0.5] for c in (case, calmer))
+    assert (after < 0.3 * before) == smoothed
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [1e-5, 1e-3])
 def test_the_true_joint_is_the_answer_however_its_angle_was_measured(noise: float) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.base_rows import base_terms
 from cjt_gym.gap.horizons.case import by_angle, make_case
 from cjt_gym.gap.horizons.fit import Problem
@@ -17,7 +18,7 @@ from cjt_gym.joint import get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import INERTIA, datasheet, record
+from tests.gap.horizons.rotor import DRY, INERTIA, datasheet, record
 
 SWAY = 2.0 * np.pi * 2.0
 
@@ -57,6 +58,19 @@ def test_the_motion_tells_which_current_a_log_writes(share: float) -> None:
     scales = scales_of(case.joint, case.logs)
     fit = Problem(case.fit).fit(Model(case.joint, base_terms(case.joint, scales)))
     assert lateness(case, fit) == 0.5 - share
+
+
+def test_a_current_that_reaches_the_log_late_is_no_delay_of_the_drive() -> None:
+    made = record()
+    late = np.concatenate([np.full(2, made["i"][0]), made["i"][:-2]])
+    columns = {"t": made.t, "q_m": made["q_m"], "i_cmd": made["i"], "i": late}
+    units = {"t": "s", "q_m": "rad", "i_cmd": "A", "i": "A"}
+    found = diagnose(Record(columns, units), datasheet(1.0, 0.05), "rigid")
+    named = {e.name: e for e in found.effects}
+    assert "command_delay" not in named
+    dry = named["coulomb"].parameters["d_cm"]
+    assert dry.low < DRY < dry.high
+    assert "samples_late = 2" in found.unexplained.text
 
 
 def test_bristles_predict_less_where_nobody_knows_how_they_were_bent() -> None:
