@@ -14,7 +14,7 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.horizons.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.refined import imposed, refined
-from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped
+from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped, relative
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -123,11 +123,20 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
         main = main_row(judged)
         other = judged.answer == LEAST or bool(refined(judged, known=True))
+        other = other and (suspected or not _is_tolerated(judged, main))
         moved = main.found < HALVED * main.datasheet > HALVED * TRIVIAL and other
         lasting = any(r.seconds > min(HORIZONS) and r.lasting for r in judged.unexplained)
         open_ = loud or unknown or (open_ and (better or suspected or lasting))
         return "unexplained" if moved or open_ else "no_gap"
     return "partly_explained" if open_ else "explained"
+
+
+def _is_tolerated(judged: Judgement, row: Row) -> bool:
+    """Return whether a joint within the datasheet's tolerances removes the gap as well."""
+    if "stages" not in judged.errors:
+        return False
+    stages = relative(judged.case.test, judged.errors["stages"])
+    return stages[row.channel, row.seconds] < HALVED * row.datasheet
 
 
 def unknown_row(judged: Judgement) -> Row | None:
