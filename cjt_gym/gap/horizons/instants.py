@@ -9,9 +9,10 @@ import numpy as np
 from cjt_gym.gap.horizons.case import Case, late_windows
 from cjt_gym.gap.horizons.fit import Fit, Problem
 
-ROWS = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5)
-"""Rows by which a motion follows a measured current: the mean until a row, at it, or from it on, or
-one that reaches the log late, so that the motion is ahead of it."""
+NEAR, EARLIEST = (-1.0, -0.5, 0.5), -6.0
+"""Rows by which a motion may follow a measured current beside 0: the mean until a row, at it, or
+from it on, or one that reaches the log late, so that the motion is ahead of it; and the most that
+are searched."""
 CLEARLY = 0.94
 """Largest error with such an input, relative to the usual one. Of currents it is 0.82 to 0.93 on
 three real records whose current is logged 1.0 to 1.4 rows late by other regressions, 0.87 on one
@@ -23,7 +24,7 @@ ITS_OWN = frozenset({"command_delay", "current_lag"})
 
 
 def lateness(case: Case, fit: Fit) -> float:
-    """Return by how many rows the motion follows the input, one of `ROWS`.
+    """Return by how many rows the motion follows the input, from -6 to 0.5.
 
     A command or voltage is usually held from its row on (0.5), but a loop that is faster than its
     log changes it between two rows (0). The terms of a fit are fitted anew to each, as values that
@@ -44,6 +45,9 @@ def lateness(case: Case, fit: Fit) -> float:
         fitted = Problem(late_windows(case.fit, rows)).fit(model, z)
         return float(np.mean(np.log(np.maximum(fitted.relative(), 1e-12))))
 
-    others = [rows for rows in ROWS if rows != usual] if measured else [0.0]
-    least, rows = min((error(rows), rows) for rows in others)
-    return rows if least < error(usual) + np.log(CLEARLY) else usual
+    tried = {rows: error(rows) for rows in (NEAR if measured else (0.0,))}
+    best = min(tried, key=tried.__getitem__)
+    while EARLIEST < best == min(tried) <= -1.0:
+        tried[best - 0.5] = error(best - 0.5)
+        best = min(tried, key=tried.__getitem__)
+    return best if tried[best] < error(usual) + np.log(CLEARLY) else usual
