@@ -59,8 +59,23 @@ def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) 
         if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name
     plain = {n: j for n, j in joints.items() if n in ("datasheet", "least squares")}
-    sound = sound or [n for n in plain if is_no_worse(case, plain, n)] or list(plain)
+    sound = sound or [n for n in plain if is_no_worse(case, plain, n)]
+    if not sound:  # of datasheet and least squares each is worse than the other somewhere
+        best = min(plain, key=lambda n: costs[n])
+        lost = {n: _lost(case, joints, n) for n in joints}
+        sound = [n for n in joints if lost[n] <= lost[best]]
     return min(sound, key=lambda n: costs[n])
+
+
+def _lost(case: Case, joints: dict[str, Joint], name: str) -> float:
+    """Return the largest ratio of a joint's error to that of datasheet or least squares."""
+    ratios = [1.0]
+    for windows in {id(w): w for w in (case.all, case.test)}.values():
+        own = relative(windows, windows.errors(joints[name]))
+        for other in {"datasheet", "least squares"} & joints.keys() - {name}:
+            known = relative(windows, windows.errors(joints[other]))
+            ratios += [own[k] / max(known[k], TRIVIAL) for k in own if k[1] > min(HORIZONS)]
+    return max(ratios)
 
 
 def cost_of(case: Case, test: Problem, joint: Joint) -> float:
