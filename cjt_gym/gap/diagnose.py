@@ -11,10 +11,11 @@ from threadpoolctl import threadpool_limits
 
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap.by_stages import Ask, by_stages
+from cjt_gym.gap.candidates.separated import separating
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, REFLECTED, SCALES, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
-from cjt_gym.gap.diagnosis import Diagnosis, Suggestion
+from cjt_gym.gap.diagnosis import ENOUGH, Diagnosis, Suggestion
 from cjt_gym.gap.horizons.allowed import allowed_by
 from cjt_gym.gap.horizons.answer import at_the_floor, judged, title_of
 from cjt_gym.gap.horizons.model import MEASURES
@@ -118,6 +119,10 @@ def diagnose(
         if ask is not None and found.suggestion is open_:
             progress("looking for the record that would tell most")
             found = replace(found, suggestion=_asked(ask))
+    doubtful = {e.name: e.confusable_with for e in found.effects if e.status == "tentative"}
+    if doubtful and found.suggestion.text == ENOUGH:
+        text = separating(doubtful, exam.advice)
+        found = replace(found, suggestion=Suggestion(text or ENOUGH))
     told = {symbol for e in found.effects for symbol in e.parameters}
     text = " ".join((found.unexplained.text, *strained(file, found.joint, told))).strip()
     found = replace(found, unexplained=replace(found.unexplained, text=text))

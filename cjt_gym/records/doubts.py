@@ -46,7 +46,7 @@ Columns = Mapping[str, FloatArray]
 
 def doubts(columns: Columns, dt: float) -> list[Repair]:
     """Return what looks wrong in the columns of a record."""
-    found = [_clipped(name, columns[name]) for name in ("tau", "i", "v") if name in columns]
+    found = [_clipped(name, columns[name]) for name in ("tau", "i") if name in columns]
     positions = [name for name in columns if name.startswith("q_") and name != "q_ref"]
     currents = [name for name in ("i", "i_cmd") if name in columns]
     found += [_too_large(name, columns[name]) for name in positions + currents]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 SEPARATED_BY: dict[frozenset[str], str] = {
     frozenset(pair): text
     for *pair, text in (
@@ -31,12 +33,29 @@ SEPARATED_BY: dict[frozenset[str], str] = {
 NOTHING = "nothing"
 """Name of the model without a tentative effect."""
 DEFAULT = "other excitation as well: slow ramps through zero, steps, and a chirp"
+MOST_ADVICE = 2
+"""Number of experiments told, and of remedies."""
 
 
 def advice(name: str, rival: str) -> str:
     """Return which experiment separates two effects."""
     how = SEPARATED_BY.get(frozenset((name, rival)), DEFAULT)
     return f"To tell {difference(name, rival)}, record {how}."
+
+
+def separating(alike: Mapping[str, Sequence[str]], remedies: Sequence[str] = ()) -> str:
+    """Return which experiments separate effects from their rivals, and what to log better.
+
+    Args:
+        alike: Rivals of each effect.
+        remedies: What to record instead, the most important first.
+    """
+    pairs: dict[frozenset[str], str] = {}
+    for name, rivals in alike.items():
+        for rival in rivals:
+            pairs.setdefault(frozenset((name, rival)), advice(name, rival))
+    told = list(dict.fromkeys(pairs.values()))
+    return " ".join([*told[:MOST_ADVICE], *remedies[:MOST_ADVICE]])
 
 
 def difference(name: str, *rivals: str) -> str:

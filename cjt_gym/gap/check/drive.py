@@ -24,7 +24,7 @@ CHANGES = "Record steps of different sizes in the command, and the measured curr
 
 def no_command(view: View) -> Unseen | None:
     """Return why the drive cannot be evaluated, or None if it can."""
-    if view.command is None and view.drive == "v":
+    if view.command is None and (view.drive == "v" or "v" in view):
         return Unseen(NO_CURRENT.why, "Record the command of its current loop, if it has one.")
     if view.command is None:
         return Unseen("no command is recorded", "Record the command i_cmd beside the current.")

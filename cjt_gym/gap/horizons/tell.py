@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from cjt_gym.gap.candidates.separated import advice
+from cjt_gym.gap.candidates.separated import separating
 from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, StageGap, Suggestion
 from cjt_gym.gap.horizons.allowed import with_rivals
 from cjt_gym.gap.horizons.by_torque import HELD, agrees, beside_torque, told_by_torque
@@ -43,8 +43,6 @@ SHADOW = 0.25
 GONE = 0.05
 """Ratio to the datasheet's error below which a joint that leaves nothing explains what the stages
 could not."""
-MOST_ADVICE = 2
-"""Maximum number of sentences of advice of each kind."""
 
 
 def horizons_of(judged: Judgement) -> tuple[Horizon, ...]:
@@ -207,14 +205,9 @@ def _is_as_stated(judged: Judgement, term: Term, values: Sequence[float]) -> boo
 
 def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagnosis) -> Suggestion:
     """Return what to record next to distinguish the named effects from their rivals."""
-    pairs: dict[frozenset[str], str] = {}
-    for effect in effects:
-        for rival in effect.confusable_with:
-            pairs.setdefault(frozenset((effect.name, rival)), advice(effect.name, rival))
-    told = dict.fromkeys(pairs.values())
     exam = first.examination
-    faults = exam.advice if exam is not None else ()
-    parts = [*list(told)[:MOST_ADVICE], *list(faults)[:MOST_ADVICE]]
-    if not parts and judged.unexplained:
-        parts = ["Record slow and fast motion in both directions over the whole travel."]
-    return Suggestion(" ".join(parts) or "Nothing more is needed on this record's range.")
+    alike = {e.name: e.confusable_with for e in effects}
+    text = separating(alike, exam.advice if exam is not None else ())
+    if not text and judged.unexplained:
+        text = "Record slow and fast motion in both directions over the whole travel."
+    return Suggestion(text or "Nothing more is needed on this record's range.")
