@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,10 +29,12 @@ VAGUELY, OUT_OF_STEP = 0.1, 1.0
 """Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat, and
 in cycles over all that the joint turned, above which its ends are out of step. That of cogging on
 five real records, of three to fifteen periods, was 0.01 to 0.05 of the frequency."""
+STRAIGHT = 0.5
+"""Angle up to which a weight pulls like a spring beside the joint [rad]: the sine of an angle is a
+line there but for 3 % of the weight."""
 HARDLY = 0.05
 """Relative difference of friction in the two directions up to which it is not confirmed as
 asymmetric: of equal friction in both, errors of the model have made 2 %."""
-QUICK = "it may fade as fast as any winding could, as what is no heat does"
 BESIDE_ANOTHER = "the law of the friction beside it stays open"
 """Doubt of damping beside Stribeck friction without a level or beside friction that perhaps depends
 on the direction."""
@@ -42,11 +44,9 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     """Return a diagnosis that confirms no effect that the record cannot identify.
 
     Dry friction is not confirmed either where motion in one direction hides an offset or where
-    viscous friction cannot be told from it, nor Stribeck friction of which none may be left at
-    speed, nor a torque over the angle whose frequency stays open, nor friction as asymmetric whose
-    two directions hardly differ, nor heat that fades at once, nor a delay shorter than the record
-    could show. Beside the faults of `UNSOUND` only effects of the sensors are, beside those of
-    `DISTORTED` none.
+    viscous friction cannot be told from it, nor friction as asymmetric whose two directions hardly
+    differ, nor what something else may look like; see `MIMICKED`. Beside the faults of `UNSOUND`
+    only effects of the sensors are, beside those of `DISTORTED` none.
     """
     advice = () if first.examination is None else first.examination.advice
     why = dict.fromkeys(excluded, "check says that this record cannot tell it")
@@ -55,16 +55,13 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     elif "damping" in excluded:
         why.setdefault("coulomb", "this record does not tell it from viscous friction")
     open_ = with_rivals(first.effects, excluded)
-    turned = _turned(first)
-    open_ = [e.doubted("its frequency stays open") if _is_vague(e, turned) else e for e in open_]
     open_ = [_perhaps_symmetric(e) for e in open_]
     skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
     if skewed or any(_falls_to_nothing(e) for e in open_):
         open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
-    open_ = [e.doubted(LEVELLESS) if _falls_to_nothing(e) else e for e in open_]
-    open_ = [e.doubted(QUICK) if _is_quick(e) else e for e in open_]
-    least = {} if first.examination is None else first.examination.smallest
-    open_ = [e.doubted(_too_short(least[e.name][0])) if _is_short(e, least) else e for e in open_]
+    view = _View.of(first, one_way=excluded.keys() >= ONE_WAY)
+    for has, said, rivals in MIMICKED:
+        open_ = [e.or_else(rivals).doubted(said) if has(e, view) else e for e in open_]
     effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
     for fault, said in UNSOUND.items():
         if fault in advice:
@@ -85,44 +82,82 @@ def with_rivals(effects: Iterable[NamedEffect], excluded: Collection[str]) -> li
     return [e.or_else(rivals.get(e.name, ())) for e in effects]
 
 
-def _falls_to_nothing(effect: NamedEffect) -> bool:
+@dataclass(frozen=True)
+class _View:
+    """What a record shows of motion.
+
+    Attributes:
+        travel: Largest range of an angle, [rad] or [m].
+        turns: Whether that is in [rad].
+        one_way: Whether it shows motion in one direction only.
+        smallest: Smallest visible size of each effect.
+    """
+
+    travel: float
+    turns: bool
+    one_way: bool
+    smallest: Mapping[str, tuple[float, str]]
+
+    @classmethod
+    def of(cls, first: Diagnosis, *, one_way: bool) -> _View:
+        """Return what the examined records of a diagnosis show."""
+        exam = first.examination
+        if exam is None:
+            return cls(0.0, True, one_way, {})
+        angle = exam.channels.get("q_m") or exam.channels.get("q_l")
+        load = exam.channels.get("q_l") or angle
+        turns = angle is not None and angle.unit == "rad"
+        travel = max((one.span for one in (angle, load) if one is not None), default=0.0)
+        return cls(travel, turns, one_way, exam.smallest)
+
+
+def _falls_to_nothing(effect: NamedEffect, _: _View | None = None) -> bool:
     """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
     levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
 
 
-def _is_quick(effect: NamedEffect) -> bool:
-    """Return whether heat may fade as fast as any winding could."""
-    time = effect.parameters.get("T_thw")
-    return time is not None and time.low <= WINDINGS[0]
-
-
-def _is_short(effect: NamedEffect, least: Mapping[str, tuple[float, str]]) -> bool:
-    """Return whether a delay is one that damping and stiffness within their tolerances make."""
-    delay = effect.parameters.get("delay")
-    return delay is not None and effect.name in least and delay.value < least[effect.name][0]
-
-
-def _too_short(least: float) -> str:
-    return f"check says that this record shows delays from {1e3 * least:.2g} ms on"
-
-
-def _turned(first: Diagnosis) -> float:
-    """Return the revolutions within the records, or metres; 0 if no angle shows them."""
-    channels = {} if first.examination is None else first.examination.channels
-    angle = channels.get("q_m") or channels.get("q_l")
-    if angle is None:
-        return 0.0
-    return angle.span / (2.0 * np.pi) if angle.unit == "rad" else angle.span
-
-
-def _is_vague(effect: NamedEffect, turned: float) -> bool:
+def _is_vague(effect: NamedEffect, view: _View) -> bool:
     """Return whether the frequency of a torque over the angle is hardly determined."""
     f = effect.parameters.get("f")
     if f is None:
         return False
     width = f.high - f.low
+    turned = view.travel / (2.0 * np.pi) if view.turns else view.travel
     return width > VAGUELY * abs(f.value) or width * turned > OUT_OF_STEP
+
+
+def _is_of_friction(effect: NamedEffect, view: _View) -> bool:
+    """Return whether friction that changes with the angle would look like a torque over it."""
+    return effect.name == "cogging" and view.one_way
+
+
+def _pulls_straight(effect: NamedEffect, view: _View) -> bool:
+    """Return whether a weight pulls like a spring over so small an angle."""
+    return effect.name == "gravity" and view.turns and 0.0 < view.travel < STRAIGHT
+
+
+def _is_quick(effect: NamedEffect, _: _View) -> bool:
+    """Return whether heat may fade as fast as any winding could."""
+    time = effect.parameters.get("T_thw")
+    return time is not None and time.low <= WINDINGS[0]
+
+
+def _is_short(effect: NamedEffect, view: _View) -> bool:
+    """Return whether a delay is one that damping and stiffness within their tolerances make."""
+    delay, least = effect.parameters.get("delay"), view.smallest.get(effect.name)
+    return delay is not None and least is not None and delay.value < least[0]
+
+
+MIMICKED: tuple[tuple[Callable[[NamedEffect, _View], bool], str, tuple[str, ...]], ...] = (
+    (_is_vague, "its frequency stays open", ()),
+    (_is_of_friction, "in one direction friction that changes with the angle looks alike", ()),
+    (_pulls_straight, "over so small an angle a spring to the frame pulls alike", ("contact",)),
+    (_falls_to_nothing, LEVELLESS, ()),
+    (_is_quick, "it may fade as fast as any winding could, as what is no heat does", ()),
+    (_is_short, "check says that this record shows longer delays only", ()),
+)
+"""What else may look like an effect: when, in words, and the effects of the table that do."""
 
 
 def _perhaps_symmetric(effect: NamedEffect) -> NamedEffect:

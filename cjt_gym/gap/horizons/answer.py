@@ -117,10 +117,10 @@ def _ahead(found: Judgement) -> str:
     log = found.case.logs[0]
     if not log.early:
         return ""
+    late = 1e3 * log.early * log.dt / log.rows
     return (
-        f"The motion is best predicted by the current of {log.early:.2g} rows later "
-        f"({1e3 * log.early * log.dt:.2g} ms): i is logged late. Map i with samples_late = "
-        f"{round(log.early)}."
+        f"The motion is best predicted by the current of {log.early:.2g} rows later ({late:.2g} "
+        f"ms): i is logged late. Map i with samples_late = {round(log.early)}, or that much more."
     )
 
 

@@ -164,7 +164,7 @@ def late(case: Case, rows: float) -> Case:
     fit, test, every = (late_windows(windows, rows) for windows in (case.fit, case.test, case.all))
     drive, log = case.drive, fit.logs[0]
     if drive is not None:
-        drive = replace(drive, delay=max(drive.delay - log.early * log.dt, 0.0))
+        drive = replace(drive, delay=max(drive.delay - log.early * log.dt / log.rows, 0.0))
     return replace(case, logs=fit.logs, fit=fit, test=test, all=every, drive=drive)
 
 

@@ -34,7 +34,7 @@ def lateness(case: Case, fit: Fit) -> float:
     first, model, shape = case.logs[0], fit.model, case.joint.structure_row
     single = shape.size == 1 and not shape.output_fixed
     measured, usual = first.drive == "i", first.usual
-    if first.rows > 1 or not single:
+    if not single or (first.rows > 1 and not measured):
         return usual
     drop = ITS_OWN if measured else frozenset[str]()
     kept = [k for k, term in enumerate(model.terms) if term.name not in drop]

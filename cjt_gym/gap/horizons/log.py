@@ -120,7 +120,7 @@ class Log:
     def late(self, rows: float) -> Log:
         """Return the log of a joint that its input moves late by some rows, early if negative."""
         early = -rows if rows < -0.5 else 0.0
-        command = _until_next(self.command, early)
+        command = _until_next(self.command, early / self.rows)
         acting = _until_next(command, (0.5 - rows - early) / self.rows)
         return replace(self, command=command, acting=acting, early=early)
 

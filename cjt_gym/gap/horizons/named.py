@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, LEVELLESS, MUCH_LEFT, Interval, NamedEffect
+from cjt_gym.gap.horizons.allowed import STRAIGHT
 from cjt_gym.gap.horizons.by_torque import DRY, agrees, either, inertia_by_torque
 from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.held import held_alike
@@ -45,9 +46,6 @@ SLIGHT = 0.02
 MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
 """Effects that position or a wrong input may mimic: confirmed only if they remove more than
 `MUCH` of the error."""
-STRAIGHT = 0.5
-"""Travel up to which a weight pulls like a spring beside the joint [rad]: the sine of an angle is
-a line there but for 3 % of the weight."""
 PLAIN, REFINEMENTS = frozenset({"coulomb", "load_coulomb"}), frozenset({"presliding", "stribeck"})
 """Plain dry friction, and laws that are told together with it."""
 MIRRORED, ONE_SIDED = 1.5, 0.1

@@ -137,7 +137,8 @@ def _shapes(u: Floats, v: Floats, q: Floats, x: Floats) -> Floats:
     even = [np.ones_like(u), x, x**2, *waves]
     dry = [sign * one for one in (*even, np.abs(u), *(np.exp(-((v / w) ** 2)) for w in SHARP[1:]))]
     smooth = [u, u * np.abs(u), u**3, np.abs(u), v, v * np.abs(v), v**3, np.abs(v), x**3]
-    return np.stack([*even, *dry, *smooth])
+    driven = [u * one for one in (x, np.sin(q), np.cos(q))]  # of a k_t that varies
+    return np.stack([*even, *dry, *smooth, *driven])
 
 
 def _scaled(x: Floats) -> Floats:

@@ -68,6 +68,8 @@ SHORT = 0.05
 SLIGHT, TWICE = 0.01, 1.7
 """Relative error of a prediction, and its ratio to the floor, above which a joint without a gap
 needs a remark."""
+MUCH = 0.1
+"""Relative error of a prediction above which it is told of a joint without a gap."""
 DOUBTED = 0.3
 """Confidence of the surest name below which names are only a guess."""
 AT_THE_END = 1e-4
@@ -222,6 +224,18 @@ def _above_the_floor(diagnosis: Diagnosis) -> Horizon | None:
     return max(rows, key=lambda row: row.found / (row.floor or 1.0), default=None)
 
 
+def _in_the_noise(diagnosis: Diagnosis) -> str:
+    """Return how much of the motion is not predicted, if that is much, though no gap is seen."""
+    rows = [r for r in diagnosis.horizons if r.channel == "q_m" and r.seconds > SHORT]
+    worst = max(rows, key=lambda row: row.found, default=None)
+    if worst is None or worst.found < MUCH:
+        return ""
+    return (
+        f" But {percent(worst.found)} of its motion is not predicted {worst.seconds:g} s ahead: "
+        "what is smaller than that, this record does not show."
+    )
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return the verdict in one plain sentence."""
     gap = diagnosis.gap
@@ -240,6 +254,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
                 f"small, but more than the {percent(row.floor or 0.0)} that could not be "
                 "predicted; no effect of the table explains the rest."
             )
+        else:
+            text += _in_the_noise(diagnosis)
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         better = f" Refining its values takes the replay error from {change}."
         return text + (better if gap.removed >= NOTABLE else "")
@@ -274,6 +290,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         names = names.removesuffix(",")
         if gap.removed < NOTABLE:
             return f"{lies}: {names}."
+        text += _in_the_noise(diagnosis)
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         return (
             f"Values refined within their tolerances take the replay error from {change}; apart "
