@@ -250,7 +250,7 @@ def _report(
         if hidden:
             return Suggestion(BOTH_ENDS)
         said = suggest(found, named, left)
-        return cautious(said, setting, held_out)
+        return cautious(said, problem.stages, held_out)
 
     fields = problem.fields(fit.model, fit.z)
     if off:

@@ -10,7 +10,7 @@ from cjt_gym.gap.candidates.separated import NOTHING, SEPARATED_BY, advice, diff
 from cjt_gym.gap.diagnosis import ENOUGH, NamedEffect, Suggestion
 from cjt_gym.gap.judged.confusable import rival_fits
 from cjt_gym.gap.next_record.design import TELLS, Cross, Prospect, prospects
-from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.explain import Explanation
 from cjt_gym.gap.stages.fit import Fit, Problem
 from cjt_gym.gap.stages.leftover import Leftover
@@ -57,18 +57,19 @@ def suggest(
     return Suggestion(preface + _needs_more(tuple(question), ranked))
 
 
-def cautious(suggestion: Suggestion, setting: Setting, held_out: bool) -> Suggestion:
+def cautious(suggestion: Suggestion, stages: Stages, held_out: bool) -> Suggestion:
     """Return a suggestion that asks for a better record if this one reveals little.
 
     Args:
         suggestion: The original suggestion.
-        setting: The record.
+        stages: Those of the records.
         held_out: Whether data were withheld from the fit.
     """
     asked = []
-    if setting.series.slow:
+    logged = [one.setting.series for one in (stages, *stages.others)]
+    if logged[0].slow:
         asked.append("record at 1 kHz")
-    if len(setting.series) * setting.series.dt < SHORT:
+    if sum(len(series) * series.dt for series in logged) < SHORT:
         asked.append("record 10 s")
     if not held_out:
         asked.append("record a second run with other excitation and give it as validation")

@@ -259,6 +259,9 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         better = f" Refining its values takes the replay error from {change}."
         return text + (better if gap.removed >= NOTABLE else "")
+    if diagnosis.verdict == "unexplained" and not gap.floor and gap.removed < NOTABLE:
+        lost = f"{percent(gap.after)} of what the joint does is not predicted"
+        return f"{lost}; how much of it could be stays open."
     size = f" of {percent(gap.before)}" if gap.before else ""
     stages = where(diagnosis)
     lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"

@@ -58,9 +58,14 @@ def test_an_angle_that_is_read_late_is_found(late: float, torque: bool) -> None:
     assert lateness(two_angles(late, torque=torque)) == pytest.approx(late, rel=0.1)
 
 
+def test_a_measured_torque_shows_it_even_at_a_soft_spring() -> None:
+    assert lateness(two_angles(2e-3, stiffness=3e3, torque=True)) == pytest.approx(2e-3, rel=0.1)
+
+
+@pytest.mark.parametrize("torque", [False, True])
 @pytest.mark.parametrize("stiffness", [STIFF, 0.5 * STIFF, 3e3])
-def test_a_spring_that_winds_is_not_taken_for_it(stiffness: float) -> None:
-    assert lateness(two_angles(0.0, stiffness=stiffness)) == 0.0
+def test_a_spring_that_winds_is_not_taken_for_it(stiffness: float, torque: bool) -> None:
+    assert lateness(two_angles(0.0, stiffness=stiffness, torque=torque)) == 0.0
 
 
 def test_the_fault_is_told_and_mended() -> None:
