@@ -14,12 +14,13 @@ from cjt_gym.gap.check import Examination, examine
 from cjt_gym.gap.check.channels import Channel
 from cjt_gym.gap.check.verdicts import sized
 from cjt_gym.gap.report import WIDTH, Table
-from cjt_gym.joint import STRUCTURES, JointFile, get_structure, load_joint_file
+from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile, get_structure, load_joint_file
 from cjt_gym.records import joint_of, read_log, record_names
 from cjt_gym.records.files import NOMINAL
 
 LIMITS = frozenset({"current_saturation"})
 """Effects that show where they act at less, rather than at more, than a given size."""
+NOT_TRIED = "No candidate of a diagnosis."
 HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
 
 
@@ -88,6 +89,8 @@ def in_words(found: Examination, width: int) -> str:
     names: dict[str, list[str]] = {}
     for row in found.cannot_tell:
         names.setdefault(row.why, []).append(row.name)
+    known = {*found.can_tell, *(row.name for row in found.cannot_tell)}
+    names[NOT_TRIED] = [name for name in EFFECTS if name not in known]
     reasons = [f"{', '.join(effects)}: {why}" for why, effects in names.items()]
     parts.append(_list("Not identifiable", reasons, width, "nothing"))
     parts.append(_list("What to record instead", found.advice, width, "nothing else is needed"))
