@@ -40,9 +40,6 @@ BLIND = 0.99
 """Relative error from which a joint predicts no better than motion at constant speed."""
 SHADOW = 0.25
 """Confidence below which an effect is attributed to a cause outside the table."""
-MOSTLY = 0.5
-"""Share of a stage's gap that is left one sample ahead above which none of its effects is sure."""
-AT_ONCE = "one sample ahead most of the gap in its stage stays unexplained"
 GONE = 0.05
 """Ratio to the datasheet's error below which a joint that leaves nothing explains what the stages
 could not."""
@@ -105,9 +102,6 @@ def retold(
     if outside:
         said = "its cause may not be in the table"
         effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)
-    elif judged.cut and first.unexplained.share > MOSTLY:
-        stage = first.unexplained.stage
-        effects = tuple(e.doubted(AT_ONCE) if e.stage == stage else e for e in effects)
     rows = judged.rows
     stages = stages_of(first, judged, effects)
     verdict = verdict_of(judged, effects, suspected=bool(first.effects) or not staged)

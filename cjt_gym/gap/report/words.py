@@ -293,7 +293,6 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         names = names.removesuffix(",")
         if gap.removed < NOTABLE:
             return f"{lies}: {names}."
-        text += _in_the_noise(diagnosis)
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         return (
             f"Values refined within their tolerances take the replay error from {change}; apart "
