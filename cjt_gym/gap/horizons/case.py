@@ -107,7 +107,8 @@ def sharp(case: Case, joints: Sequence[Joint], most: float = 1.0) -> Case:
         for one in cases
     ]
     best = int(np.argmin(costs))
-    return _calmed(cases[best] if costs[best] <= most * costs[0] else case, joints)
+    tells = costs[0] < 1.0  # joints that predict nothing tell no width
+    return _calmed(cases[best] if tells and costs[best] <= most * costs[0] else case, joints)
 
 
 def _calmed(case: Case, joints: Sequence[Joint]) -> Case:
