@@ -20,7 +20,7 @@ from cjt_gym.records.files import NOMINAL
 
 LIMITS = frozenset({"current_saturation"})
 """Effects that show where they act at less, rather than at more, than a given size."""
-NOT_TRIED = "No candidate of a diagnosis."
+NOT_TRIED = "A diagnosis does not look for any of these."
 HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
 
 

@@ -3,6 +3,7 @@
 =============  ====================================================================
 `log`          a record on an even time grid, with its gaps and measured states
 `windows`      windows of it, from a few samples to half a second, and their starts
+`coarse`       noise of a measured angle and of its slope
 `forward`      predictions of a joint in the windows, by the joint's own kernel
 `model`        a joint and the free numbers of its effects
 `base_rows`    terms that are free in every fit

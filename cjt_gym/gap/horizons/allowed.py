@@ -56,10 +56,10 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
         why.setdefault("coulomb", "this record does not tell it from viscous friction")
     open_ = with_rivals(first.effects, excluded)
     open_ = [_perhaps_symmetric(e) for e in open_]
-    skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
-    if skewed or any(_falls_to_nothing(e) for e in open_):
-        open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
     view = _View.of(first, one_way=excluded.keys() >= ONE_WAY)
+    skewed = any(e.name == "viscous_asym" and e.status == "tentative" for e in open_)
+    if skewed or any(_falls_to_nothing(e, view) for e in open_):
+        open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
     for has, said, rivals in MIMICKED:
         open_ = [e.or_else(rivals).doubted(said) if has(e, view) else e for e in open_]
     effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
@@ -111,7 +111,7 @@ class _View:
         return cls(travel, turns, one_way, exam.smallest)
 
 
-def _falls_to_nothing(effect: NamedEffect, _: _View | None = None) -> bool:
+def _falls_to_nothing(effect: NamedEffect, _: _View) -> bool:
     """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
     levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)

@@ -8,8 +8,9 @@ from functools import partial
 
 import numpy as np
 
+from cjt_gym.gap.horizons.coarse import speed_noise
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
-from cjt_gym.gap.horizons.log import SMOOTH, Log, speed_noise, to_logs
+from cjt_gym.gap.horizons.log import SMOOTH, Log, to_logs
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.pieces import cut, split
 from cjt_gym.gap.horizons.windows import HORIZONS, Windows, make_windows, rescaled
@@ -116,7 +117,7 @@ def _calmed(case: Case, joints: Sequence[Joint]) -> Case:
 
     That is tried with coarse angles only: in other logs it flatters joints that are far off.
     """
-    if not _is_coarse(case):
+    if not _is_coarse(case.fit):
         return case
     wider = [_changed(case, partial(Log.started, width=k * SMOOTH)) for k in WIDER]
     known, *others = (
@@ -128,13 +129,12 @@ def _calmed(case: Case, joints: Sequence[Joint]) -> Case:
     return wider[best] if others[best] < known + enough else case
 
 
-def _is_coarse(case: Case) -> bool:
+def _is_coarse(windows: Windows) -> bool:
     """Return whether noise of the motor's angle makes much of what is predicted from its speed."""
-    if ALOUD not in case.fit.keys:
+    if ALOUD not in windows.keys:
         return False
-    scale = float(np.sqrt(case.fit.scales[case.fit.keys.index(ALOUD)]))
-    slurs = [speed_noise(log.angles[:, 0], log.dt) for log in case.logs]
-    return float(np.median(slurs)) * ALOUD[1] > COARSE * scale
+    scale = float(np.sqrt(windows.scales[windows.keys.index(ALOUD)]))
+    return float(np.median([speed_noise(log) for log in windows.logs])) * ALOUD[1] > COARSE * scale
 
 
 def by_angle(case: Case) -> Case:

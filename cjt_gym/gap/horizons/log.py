@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.signal import savgol_filter
-from scipy.special import binom
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.horizons.spent import STUCK
@@ -33,8 +32,6 @@ GAP = 5.0
 ENOUGH = 2e-3
 """Sample time to which records of a joint without a spring are downsampled [s]."""
 DRIVING = ("i", "i_cmd", "v", "tau_cmd", "tau_m", "tau_l")
-DIFFERENCES = 3
-"""Order of the differences of an angle that show its noise."""
 FOLLOWED = 0.1
 """Largest share of a current's variance that its command may leave unexplained."""
 FEWEST = 100
@@ -103,7 +100,7 @@ class Log:
     @cached_property
     def inside(self) -> Flags:
         """Where no gap is near enough to bend smoothed speeds, shape (N,); `whole` if nowhere."""
-        width = _usual_count(self.dt) // 2
+        width = usual_count(self.dt) // 2
         inside = binary_erosion(self.whole, iterations=width, border_value=1)
         return inside if inside.any() else self.whole
 
@@ -200,7 +197,7 @@ def to_log(
         shown["q_l"] = felt["q_l"] = shown["q_l"] + zero
     held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
     angles = _angles(felt, held, structure, file)
-    states = _smooth_states(angles, _usual_count(dt), dt)
+    states = _smooth_states(angles, usual_count(dt), dt)
     with_speed = "dq_m" in even and is_slope(even["dq_m"], angles[:, 0], dt)
     if with_speed:
         states[:, 3] = in_time(even["dq_m"], angles[:, 0])
@@ -366,23 +363,11 @@ def _known(measured: dict[str, Floats], held: Floats | None, structure: Structur
 
 def smoothed(x: Floats, dt: float, order: int = 0) -> Floats:
     """Return a channel, or its derivative of order up to 2, smoothed by local parabolas."""
-    return np.asarray(savgol_filter(x, _usual_count(dt), 2, deriv=order, delta=dt))
+    return np.asarray(savgol_filter(x, usual_count(dt), 2, deriv=order, delta=dt))
 
 
-def speed_noise(x: Floats, dt: float) -> float:
-    """Return the standard deviation that noise of a channel makes in its smoothed slope."""
-    count = _usual_count(dt)
-    return angle_noise(x) * float(np.sqrt(12.0 / (count * (count**2 - 1)))) / dt
-
-
-def angle_noise(x: Floats) -> float:
-    """Return the standard deviation of a channel's noise, or of its rounding."""
-    weights = binom(DIFFERENCES, np.arange(DIFFERENCES + 1))
-    spread = float(np.std(np.diff(x, DIFFERENCES))) / float(np.sqrt(np.sum(weights**2)))
-    return max(spread, 1e-6 * float(np.ptp(x)), 1e-12)
-
-
-def _usual_count(dt: float) -> int:
+def usual_count(dt: float) -> int:
+    """Return the number of samples over which states are smoothed."""
     return max(LEAST_SMOOTH, round(SMOOTH / dt) | 1)
 
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.horizons.log import Log, angle_noise
+from cjt_gym.gap.horizons.coarse import angle_noise
+from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import motor_inertia
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
 from cjt_gym.joint import Joint

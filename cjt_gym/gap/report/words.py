@@ -231,8 +231,8 @@ def _in_the_noise(diagnosis: Diagnosis) -> str:
     if worst is None or worst.found < MUCH:
         return ""
     return (
-        f" But {percent(worst.found)} of its motion is not predicted {worst.seconds:g} s ahead: "
-        "what is smaller than that, this record does not show."
+        f" But {percent(worst.found)} of its motion is not predicted {worst.seconds:g} s ahead, so "
+        "that this record shows no effect smaller than that."
     )
 
 
@@ -261,7 +261,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         return text + (better if gap.removed >= NOTABLE else "")
     if diagnosis.verdict == "unexplained" and not gap.floor and gap.removed < NOTABLE:
         lost = f"{percent(gap.after)} of what the joint does is not predicted"
-        return f"{lost}; how much of it could be stays open."
+        return f"{lost}, and this record does not tell how much of it could be."
     size = f" of {percent(gap.before)}" if gap.before else ""
     stages = where(diagnosis)
     lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"

@@ -31,6 +31,32 @@ def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diag
 
 
 @pytest.mark.parametrize(
+    ("name", "numbers", "excluded", "span", "said"),
+    [
+        ("cogging", {"f": 7.0}, ("torque_offset", "coulomb_asym"), 20.0, "in one direction"),
+        ("cogging", {"f": 7.0}, (), 20.0, ""),
+        ("gravity", {"torque": 3.0}, (), 0.4, "a spring to the frame"),
+        ("gravity", {"torque": 3.0}, (), 2.0, ""),
+        ("thermal_derating", {"T_thw": 1.0}, (), 2.0, "what is no heat"),
+        ("thermal_derating", {"T_thw": 9.0}, (), 2.0, ""),
+    ],
+)
+def test_what_looks_like_an_effect_is_told_and_the_effect_not_confirmed(
+    told: Diagnosis, name: str, numbers: dict[str, float], excluded: tuple[str, ...],
+    span: float, said: str,
+) -> None:  # fmt: skip
+    values = {symbol: Interval(x, 0.999 * x, 1.001 * x, "-") for symbol, x in numbers.items()}
+    effect = NamedEffect(name, "motor", "motor", None, values, "confirmed", 0.9, 0.5)
+    assert told.examination is not None
+    angle = replace(told.examination.channels["q_m"], low=0.0, high=span)
+    exam = replace(told.examination, channels={"q_m": angle}, advice=())
+    given = replace(told, effects=(effect,), examination=exam)
+    (found,) = allowed_by(given, dict.fromkeys(excluded, "")).effects
+    assert found.status == ("tentative" if said else "confirmed")
+    assert said in found.doubt
+
+
+@pytest.mark.parametrize(
     ("fault", "status"), [(SLOPES, "confirmed"), (FACTOR, "tentative"), (SCALES, "tentative")]
 )
 def test_beside_a_wrong_unit_no_steps_are_confirmed(
