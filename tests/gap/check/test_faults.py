@@ -340,6 +340,13 @@ def test_a_contradiction_is_told_once(spoil: Callable[[Table], Table], said: str
     assert said in found[0]
 
 
+@pytest.mark.parametrize(("dt", "told"), [(1e-3, True), (0.01, False)])
+def test_what_a_current_does_between_slow_rows_is_no_noise(dt: float, told: bool) -> None:
+    table = columns(dt=dt)
+    table["i"] = table["i"] + np.random.default_rng(1).normal(0.0, 0.3, len(table["i"]))
+    assert any("i has noise of" in fault for fault in faults(table)) == told
+
+
 def test_a_slow_log_has_no_late_current() -> None:
     table = columns(QUICK, dt=0.05)
     table["i_cmd"] = np.roll(table["i_cmd"], -1)
