@@ -26,7 +26,7 @@ from cjt_gym.gap.stages.intervals import is_open
 from cjt_gym.gap.stages.kernel import friction_torque
 from cjt_gym.gap.stages.periodic import periodic_starts
 from cjt_gym.gap.stages.predictor import start_shapes
-from cjt_gym.gap.stages.sensing import SensorFinding
+from cjt_gym.gap.stages.sensing import SensorFinding, sensor_findings
 from cjt_gym.gap.stages.spring import slip, spring_torque
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.parameters import JointParameters
@@ -86,6 +86,25 @@ def test_presliding_springs_back_and_ends_at_coulombs_level() -> None:
 def test_smooth_friction_creeps_where_sharp_friction_holds() -> None:
     held = step(law(c_p=1.0, c_n=1.0, dq_0=0.002), 0.0, 0.5 * GAIN)
     assert 0.0 < held < 0.5 * GAIN
+
+
+@pytest.mark.parametrize(
+    ("factor", "jitter", "named"), [(12.0, 0.0, True), (3.0, 0.0, False), (12.0, 0.1, False)]
+)
+def test_loud_white_noise_needs_no_stage_that_shows_it(
+    factor: float, jitter: float, named: bool
+) -> None:
+    setting = make_setting(simulate(), nominal(), get_structure(FIXED))
+    known, dt = setting.noise["q_m"], setting.series.dt
+    noise = {
+        name: replace(one, observed=one.specified, white=True)
+        for name, one in setting.noise.items()
+    }
+    loud = replace(
+        known, stated=True, white=True, observed=factor * known.specified, jitter=jitter * dt
+    )
+    found = sensor_findings(replace(setting, noise={**noise, "q_m": loud}), {})
+    assert [(one.name, one.channel) for one in found] == [("noise", "q_m")] * named
 
 
 def test_a_chain_matches_the_matrix_exponential_of_a_hand_written_one() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import savgol_filter
 
-from cjt_gym.gap.recorded.slope import SCALED, integrated, is_scaled, is_slope
+from cjt_gym.gap.recorded.slope import SCALED, integrated, is_noise, is_scaled, is_slope
 
 DT = 2e-3
 T = DT * np.arange(5000)
@@ -41,3 +42,16 @@ def test_a_short_stretch_has_more_than_one_slope() -> None:
 
 def test_an_angle_that_does_not_move_has_no_slope() -> None:
     assert not is_slope(SPEED, np.zeros_like(ANGLE), DT)
+
+
+@pytest.mark.parametrize(
+    ("noise", "step", "worse"), [(4.0, 0.0, True), (0.3, 0.0, False), (0.3, 0.1, False)]
+)
+def test_a_velocity_is_noise_where_the_slope_tells_more(
+    noise: float, step: float, worse: bool
+) -> None:
+    angle = np.round(ANGLE / step) * step if step else ANGLE
+    slope = savgol_filter(angle, 11, 2, deriv=1, delta=DT)
+    speed = SPEED + np.random.default_rng(3).normal(0.0, noise, len(T))
+    assert is_slope(speed, angle, DT)
+    assert is_noise(speed, slope, angle, DT) == worse

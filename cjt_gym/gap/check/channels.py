@@ -9,7 +9,14 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.clock import even
-from cjt_gym.gap.recorded.noise import OTHER_ORDER, high_frequency_std, lattice_step
+from cjt_gym.gap.recorded.noise import (
+    MOST_JITTER,
+    OTHER_ORDER,
+    high_frequency_std,
+    lattice_step,
+    observed_jitter,
+)
+from cjt_gym.gap.recorded.series import slope
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import TRUE_PREFIX, Record
@@ -37,6 +44,7 @@ class Channel:
     # resolution; 0 if it states neither
     specified: float
     observed: float  # standard deviation observed in the samples; 0 if it cannot be determined
+    unshaken: float  # the same without what grows with the slope, as of rows at uneven instants
     missing: float  # share of the samples that are missing
 
     @property
@@ -96,6 +104,7 @@ def _channel(record: Record, joint: JointFile | None, name: str, x: Floats) -> C
     stated = joint.sensors.get(name, {}) if joint is not None else {}
     resolution = stated["resolution"].number if "resolution" in stated else 0.0
     noise = stated["noise"].number if "noise" in stated else 0.0
+    observed = _observed(record, name, x)
     return Channel(
         name=name,
         unit=record.units[name],
@@ -103,7 +112,8 @@ def _channel(record: Record, joint: JointFile | None, name: str, x: Floats) -> C
         high=float(x.max()),
         resolution=max(resolution, lattice_step(x)) if len(x) > 1 else resolution,
         specified=float(np.hypot(noise, resolution / np.sqrt(12.0))) if noise else resolution,
-        observed=_observed(record, name, x),
+        observed=observed,
+        unshaken=min(observed, _unshaken(x, float(np.median(np.diff(record.t))))),
         missing=1.0 - len(x) / len(record),
     )
 
@@ -122,6 +132,13 @@ def _observed(record: Record, name: str, x: Floats) -> float:
     if abs(first - other) <= ALIKE * first:
         return min(first, beside) if beside else first
     return beside
+
+
+def _unshaken(x: Floats, dt: float) -> float:
+    """Return the deviation of white noise that instants of sampling off their grid do not cause."""
+    valid, steep = np.ones(len(x), dtype=bool), np.abs(slope(x, dt))
+    shaken = observed_jitter(x, valid, steep, MOST_JITTER * dt) * steep
+    return high_frequency_std(x, valid, shaken)
 
 
 def _beside_command(record: Record) -> float:

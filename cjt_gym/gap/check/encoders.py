@@ -35,17 +35,18 @@ def late_angle(view: View) -> float:
     balance = view.motor
     if balance is None:
         return 0.0
-    apart, torque = _at(view, balance, LATE) - _at(view, balance, "q_m"), balance["one"] * 0.0
-    if "tau" in view:
-        torque = _at(view, balance, "tau")
-    winds = [balance[name] for name in ("one", "q", "a")] + [torque]
+    apart = _at(view, balance, LATE) - _at(view, balance, "q_m")
+    winds = [balance[name] for name in ("one", "q", "a")]
+    if "tau" in view:  # springs with damping wind late
+        winds += [_at(view, balance, "tau"), _at(view, balance, "tau", slope=True)]
     without, left = left_over(apart, winds), left_over(apart, [*winds, balance["v"]])
     if without == 0.0 or left**2 > (1.0 - BY_SPEED) * without**2:
         return 0.0
     late = -float(factors(apart, [*winds, balance["v"]])[-1])
     fast = float(np.quantile(np.abs(balance["v"]), 0.95))
     wound = SOFTEST * _stiffness(view) * abs(late) * fast
-    sure = "tau" in view or wound > balance.level  # a measured torque tells what winds the spring
+    # a measured torque tells what winds the spring, but not what winds a gearbox before it
+    sure = ("tau" in view and not shape.has_gear) or wound > balance.level
     return late if abs(late) > LEAST * view.dt and sure else 0.0
 
 
@@ -91,11 +92,12 @@ def _moved(record: Record, late: float) -> Record:
     return record.with_columns(x).slice(int(first), int(last))
 
 
-def _at(view: View, balance: Balance, name: str) -> Floats:
-    """Return a channel where the joint moves, smoothed like its motion, minus its mean."""
+def _at(view: View, balance: Balance, name: str, *, slope: bool = False) -> Floats:
+    """Return a channel or its slope where the joint moves, smoothed like its motion, without mean."""
 
     def smoothed(piece: Columns) -> Floats:
         x = smooth(piece[name], balance.width)
+        x = np.gradient(x) if slope else x
         return np.asarray(x - x.mean())
 
     return view.at_motion(smoothed)

@@ -173,10 +173,10 @@ def _noise(view: View) -> list[str]:
                     f"i has noise of {channel.observed:.2g} {channel.unit}, against a total "
                     f"deviation of {swing:.2g} {channel.unit}, and the joint file specifies none."
                 )
-        elif channel.specified and channel.observed > NOISY * channel.specified:
-            ratio = plain(channel.observed / channel.specified, 2)
+        elif channel.specified and channel.unshaken > NOISY * channel.specified:
+            ratio = plain(channel.unshaken / channel.specified, 2)
             found.append(
-                f"{name} has noise of {channel.observed:.2g} {channel.unit}, "
+                f"{name} has noise of {channel.unshaken:.2g} {channel.unit}, "
                 f"{ratio} times what the joint file states."
             )
     return found

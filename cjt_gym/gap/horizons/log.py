@@ -16,7 +16,7 @@ from scipy.signal import savgol_filter
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.horizons.spent import STUCK
 from cjt_gym.gap.recorded.series import SLOW, current_before, same_file
-from cjt_gym.gap.recorded.slope import in_time, is_slope
+from cjt_gym.gap.recorded.slope import in_time, is_noise, is_slope
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
@@ -61,7 +61,8 @@ class Log:
         angles: Angles of motor, gear and load, not smoothed, shape (N, 3).
         known: Which states were measured or follow from measured channels, shape (6,).
         acceleration: Smoothed acceleration of the motor [rad/s^2], shape (N,).
-        with_speed: Whether the motor's velocity was measured, and is the slope of its angle.
+        with_speed: Whether the motor's velocity was measured, is the slope of its angle, and no
+            noise beside that.
         whole: Where all channels were measured and no gap is near, shape (N,).
         temperature: Lowest and highest temperature reported by the drive [degC]; None if absent.
         past: Current from the beginning of the file up to the first sample [A], shape (M,).
@@ -200,7 +201,10 @@ def to_log(
     states = _smooth_states(angles, usual_count(dt), dt)
     with_speed = "dq_m" in even and is_slope(even["dq_m"], angles[:, 0], dt)
     if with_speed:
-        states[:, 3] = in_time(even["dq_m"], angles[:, 0])
+        speed = in_time(even["dq_m"], angles[:, 0])
+        with_speed = not is_noise(speed, states[:, 3], angles[:, 0], dt)
+    if with_speed:
+        states[:, 3] = speed
     load = even.get("tau_l", np.zeros(len(grid)))
     pulling = _until_next(load, 0.5 / every)
     if structure.output_fixed:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
     ENOUGH,
@@ -15,6 +17,7 @@ from cjt_gym.gap.diagnosis import (
     NamedEffect,
     Unexplained,
 )
+from cjt_gym.gap.horizons.case import as_joint
 from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import drag_law
 from cjt_gym.gap.horizons.judgement import CLOSE, LOUD, NEAR, Judgement, Row
@@ -23,14 +26,17 @@ from cjt_gym.gap.horizons.named import of_drive
 from cjt_gym.gap.horizons.refined import LATE, corrected, gave_way, left_tolerance
 from cjt_gym.gap.horizons.tell import horizons_of
 from cjt_gym.gap.horizons.verdict import DRIFTLESS, main_row, unexplained_of
-from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL
+from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
 from cjt_gym.joint import EFFECTS, JointFile
+from cjt_gym.joint.quantity import Quantity
 
 BETTER = 0.95
 """Relative error, as a fraction of the datasheet's, that at least one horizon must fall below for
 an effect to be confirmed."""
+AS_GOOD = 1.1
+"""Ratio of errors up to which a delay predicts as well as a lag, or the reverse."""
 GAVE_WAY = "a value of the datasheet had to leave its tolerance beside it"
 HALF, FLOORS = 0.5, 5.0
 """Limits on the ratio of an error to the datasheet's, and on that to the noise floor. A held output
@@ -184,14 +190,37 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
 
 
 def _held(first: Diagnosis, found: Judgement) -> Diagnosis:
-    """Return a diagnosis that does not confirm what a held joint does not tell from others."""
+    """Return a diagnosis that does not confirm what the record does not tell from others."""
     effects = []
     for effect in first.effects:
-        if alike := held_alike(effect.name, found.joint, found.case.logs[0]):
+        alike = held_alike(effect.name, found.joint, found.case.logs[0])
+        if effect.name in LATE and _may_be_another(found, effect.name):
+            alike = (*alike, *(LATE - {effect.name}))
+        if alike:
             said = f"{' or '.join(alike)} may take its place"
             effect = effect.doubted(said).or_else(alike)
         effects.append(effect)
     return replace(first, effects=tuple(effects))
+
+
+def _may_be_another(found: Judgement, name: str) -> bool:
+    """Return whether a delay predicts as well as the lag that the stages found, or the reverse.
+
+    Without the measured current only steps of the command tell them apart, and the held-out record
+    may have such while the fitted one has none.
+    """
+    case, file, (other,) = found.case, found.joint.file, LATE - {name}
+    if case.logs[0].drive == "i" or name not in file.effects or other in file.effects:
+        return False
+    (own,) = (x for x in file.effects[name].values() if isinstance(x, Quantity))
+    (number,) = EFFECTS[other].parameters
+    late = own.number if name == "command_delay" else 1.0 / (2.0 * np.pi * own.number)
+    value = late if other == "command_delay" else 1.0 / (2.0 * np.pi * late)
+    rows = {number.symbol: Quantity(value, number.unit, "as late")}
+    kept = {key: row for key, row in file.effects.items() if key != name}
+    joint = as_joint(replace(file, effects={**kept, other: rows}), case)
+    one, two = (relative(case.test, case.test.errors(j)) for j in (found.joint, joint))
+    return all(two[key] < AS_GOOD * one[key] for key in one)
 
 
 def _is_predictable(row: Row) -> bool:

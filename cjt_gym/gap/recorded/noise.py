@@ -101,7 +101,7 @@ def observed_jitter(x: Floats, valid: NDArray[np.bool_], speed: Floats, limit: f
     half = ORDER // 2
     v, good = np.abs(speed[half:-half]), valid[half:-half]
     fast, slow = good & (v >= np.quantile(v, 0.9)), good & (v <= np.quantile(v, 0.5))
-    if not fast.any() or not slow.any() or not np.any(v[fast] > 0.0):
+    if not fast.any() or not slow.any() or np.median(v[fast]) == 0.0:
         return 0.0
     excess = np.median(d[fast] ** 2) / 0.455 - np.median(d[slow] ** 2) / 0.455
     return float(min(np.sqrt(max(excess, 0.0) / np.median(v[fast] ** 2)), limit))

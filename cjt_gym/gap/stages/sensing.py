@@ -23,6 +23,9 @@ RAISED = 1.15
 """Residual in the quietest windows of its stage above which it is noisy."""
 OTHERS = 30.0
 """Ratio of the noise of a stage's other channels to that of one up to which its own shows."""
+LOUD, EVEN = 5.0, 0.05
+"""Ratio of white noise to that stated from which a stage need not show it, as it may hear the channel
+little or not at all, and jitter of the clock up to which that noise is the channel's, in samples."""
 STAGES_OF = {
     "q_m": ("motor", "transmission"),
     "q_l": ("load", "transmission"),
@@ -73,6 +76,8 @@ def sensor_findings(setting: Setting, residuals: Mapping[str, Floats]) -> tuple[
             raised = raised or quiet_rms(residuals[stage], coloured=True) > RAISED
         if stage is not None and not noise.white:  # else it is a signal that is merely fast
             raised = raised and noise.observed < OTHERS * floors[stage] * noise.specified
+        steady = noise.white and noise.jitter < EVEN * setting.series.dt and channel != "i"
+        raised = raised or (steady and noise.observed > LOUD * noise.specified)
         if finding is None and raised:
             finding = _noisy(channel, noise, noise.observed)
         if finding is not None:

@@ -68,6 +68,18 @@ def test_a_spring_that_winds_is_not_taken_for_it(stiffness: float, torque: bool)
     assert lateness(two_angles(0.0, stiffness=stiffness, torque=torque)) == 0.0
 
 
+def test_a_gearbox_that_winds_by_its_friction_is_not_taken_for_it() -> None:
+    joint = load_joint("orange_80_6000", "full_dynamics", parameters={"d_g": 40.0, "k_g": 8e3})
+    t = 1e-3 * np.arange(8000)
+    drive = 20.0 * np.sin(2.0 * np.pi * 0.4 * t) + 8.0 * np.sin(2.0 * np.pi * 1.1 * t)
+    made = quiet(joint).simulate(drive, dt=1e-3)
+    current = drive / (joint.parameters.k_t * joint.parameters.n)
+    columns = {"t": t, "i": current, **{n: made[f"true_{n}"] for n in ("q_m", "q_l", "tau")}}
+    units = {"t": "s", "i": "A", "q_m": "rad", "q_l": "rad", "tau": "N m"}
+    record = Record(columns, units, structure="full_dynamics")
+    assert late_angle(View.of([record], joint.file, get_structure("full_dynamics"))) == 0.0
+
+
 def test_the_fault_is_told_and_mended() -> None:
     record = two_angles(3e-3)
     told = [text for text in examine(record, sheet(), SHAPE).faults if "q_l follows q_m" in text]

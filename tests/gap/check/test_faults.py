@@ -15,7 +15,7 @@ from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.faults import REFLECTED
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.quantity import Quantity
-from cjt_gym.records import read_record
+from cjt_gym.records import Record, read_record
 from tests.gap.check.moved import INERTIA, K_T, QUICK, Floats, columns, joint, record
 
 Table = dict[str, Floats]
@@ -345,6 +345,22 @@ def test_what_a_current_does_between_slow_rows_is_no_noise(dt: float, told: bool
     table = columns(dt=dt)
     table["i"] = table["i"] + np.random.default_rng(1).normal(0.0, 0.3, len(table["i"]))
     assert any("i has noise of" in fault for fault in faults(table)) == told
+
+
+def test_rows_off_their_instants_are_no_noise() -> None:
+    arm = load_joint("orange_80_6000", "rigid")
+    file = replace(arm.file, sensors={"q_m": {"noise": Quantity(1e-6, "rad", "datasheet")}})
+    clock = np.random.default_rng(1).normal(0.0, 3e-5, 6000)
+    t = 1e-3 * np.arange(6000)
+    q = np.interp(t + clock, t, np.sin(4.0 * t))
+    scatter = np.random.default_rng(2).normal(0.0, 2e-5, 6000)
+    units = {"t": "s", "i": "A", "q_m": "rad"}
+    for angle, told in ((q, False), (np.sin(4.0 * t) + scatter, True)):
+        columns = {"t": t, "i": np.cos(4.0 * t), "q_m": angle}
+        found = examine(
+            Record(columns, units, structure="rigid"), file, get_structure("rigid")
+        ).faults
+        assert any("q_m has noise of" in fault for fault in found) == told
 
 
 def test_a_slow_log_has_no_late_current() -> None:

@@ -15,16 +15,18 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
 from cjt_gym.gap.horizons.allowed import allowed_by
 from cjt_gym.gap.horizons.answer import _with_elsewhere
-from cjt_gym.gap.horizons.case import Case, make_case
+from cjt_gym.gap.horizons.case import Case, as_joint, make_case
 from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.judgement import Judgement, Row
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.refined import gave_way
-from cjt_gym.gap.horizons.staged import _with_stated_value, with_late_drive
+from cjt_gym.gap.horizons.staged import _may_be_another, _with_stated_value, with_late_drive
 from cjt_gym.gap.horizons.tell import marked, without_late_drive
-from cjt_gym.joint import get_structure
+from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.joint import get_structure, load_joint
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DAMPING, INERTIA, datasheet, record, right_datasheet
 
@@ -49,6 +51,23 @@ def test_a_late_drive_is_told_beside_what_its_stage_leaves(case: Case, told: Dia
     assert delay.status == "tentative"
     assert delay.parameters["delay"].value == 4e-3
     assert with_late_drive(told, found).effects == told.effects
+
+
+@pytest.mark.parametrize(("steps", "alike"), [(False, True), (True, False)])
+def test_a_command_without_steps_does_not_tell_a_delay_from_a_lag(steps: bool, alike: bool) -> None:
+    """Both are 4 ms late; only what follows a step shows which."""
+    lag = {"current_lag": {"bandwidth": 40.0}}
+    arm = quiet(load_joint("orange_80_6000", "rigid", effects=lag), driven=True)
+    t = 1e-3 * np.arange(6000)
+    command = 8.0 * np.sin(2.0 * np.pi * 0.7 * t)
+    command = 4.0 * np.sign(np.sin(40.0 * t) + np.sin(23.0 * t)) if steps else command
+    made = arm.simulate(command * arm.parameters.k_t * arm.parameters.n, dt=1e-3)
+    columns = {"t": t, "i_cmd": command, "q_m": made["true_q_m"]}
+    log = Record(columns, {"t": "s", "i_cmd": "A", "q_m": "rad"}, structure="rigid")
+    late = {"current_lag": {"bandwidth": Quantity(40.0, "Hz", "the truth")}}
+    case = make_case([log], [], arm.file, RIGID)
+    found = Judgement(case, "stages", as_joint(replace(arm.file, effects=late), case), ())
+    assert _may_be_another(found, "current_lag") == alike
 
 
 def test_a_coarse_sensor_is_told_beside_a_stage_that_stays_unexplained(told: Diagnosis) -> None:

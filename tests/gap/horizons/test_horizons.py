@@ -173,13 +173,15 @@ def test_no_friction_is_found_where_there_is_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("factor", "late", "used"), [(1.0, 0, True), (0.4, 0, False), (1.0, 60, False)]
+    ("factor", "late", "noise", "used"),
+    [(1.0, 0, 0.0, True), (0.4, 0, 0.0, False), (1.0, 60, 0.0, False), (1.0, 0, 3.0, False)],
 )
-def test_a_speed_that_does_not_add_up_to_the_angle_is_not_used(
-    factor: float, late: int, used: bool
+def test_a_speed_that_tells_less_than_the_angle_is_not_used(
+    factor: float, late: int, noise: float, used: bool
 ) -> None:
     plain = record()
     speed = factor * np.roll(np.gradient(plain["q_m"], DT), late)
+    speed = speed + np.random.default_rng(4).normal(0.0, noise, len(speed))
     with_speed = plain.with_columns({"dq_m": speed}, {"dq_m": "rad/s"})
     started = to_log(with_speed, datasheet(), RIGID).speed
     assert np.allclose(started, speed, atol=1e-9) == used
