@@ -37,8 +37,8 @@ def late_angle(view: View) -> float:
         return 0.0
     apart = _at(view, balance, LATE) - _at(view, balance, "q_m")
     winds = [balance[name] for name in ("one", "q", "a")]
-    if "tau" in view:  # springs with damping wind late
-        winds += [_at(view, balance, "tau"), _at(view, balance, "tau", slope=True)]
+    if "tau" in view:
+        winds.append(_at(view, balance, "tau"))
     without, left = left_over(apart, winds), left_over(apart, [*winds, balance["v"]])
     if without == 0.0 or left**2 > (1.0 - BY_SPEED) * without**2:
         return 0.0
@@ -92,12 +92,11 @@ def _moved(record: Record, late: float) -> Record:
     return record.with_columns(x).slice(int(first), int(last))
 
 
-def _at(view: View, balance: Balance, name: str, *, slope: bool = False) -> Floats:
-    """Return a channel or its slope where the joint moves, smoothed like its motion, without mean."""
+def _at(view: View, balance: Balance, name: str) -> Floats:
+    """Return a channel where the joint moves, smoothed like its motion, minus its mean."""
 
     def smoothed(piece: Columns) -> Floats:
         x = smooth(piece[name], balance.width)
-        x = np.gradient(x) if slope else x
         return np.asarray(x - x.mean())
 
     return view.at_motion(smoothed)

@@ -24,8 +24,8 @@ RAISED = 1.15
 OTHERS = 30.0
 """Ratio of the noise of a stage's other channels to that of one up to which its own shows."""
 LOUD, EVEN = 5.0, 0.05
-"""Ratio of white noise to that stated from which a stage need not show it, as it may hear the channel
-little or not at all, and jitter of the clock up to which that noise is the channel's, in samples."""
+"""Ratio of white noise to that stated from which no stage need show it, as it may hear the channel
+little or not at all, and jitter of the clock up to which it is the channel's noise, in samples."""
 STAGES_OF = {
     "q_m": ("motor", "transmission"),
     "q_l": ("load", "transmission"),

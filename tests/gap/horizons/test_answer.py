@@ -18,11 +18,11 @@ from cjt_gym.gap.horizons.answer import _with_elsewhere
 from cjt_gym.gap.horizons.case import Case, as_joint, make_case
 from cjt_gym.gap.horizons.drive import DriveFit
 from cjt_gym.gap.horizons.judgement import Judgement, Row
+from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.refined import gave_way
 from cjt_gym.gap.horizons.staged import _may_be_another, _with_stated_value, with_late_drive
 from cjt_gym.gap.horizons.tell import marked, without_late_drive
-from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.joint import get_structure, load_joint
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.parameters import JointParameters
