@@ -20,6 +20,7 @@ from cjt_gym.gap.horizons.choice import (
     sound_stages,
 )
 from cjt_gym.gap.horizons.contradiction import contradicted
+from cjt_gym.gap.horizons.delicate import is_delicate, limited
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed, kept_near
@@ -86,6 +87,8 @@ def judge(
     """
     progress("predicting up to half a second ahead")
     own = own_terms(case.joint, scales_of(case.joint, case.logs))
+    if stages is not None and is_delicate(case.fit, stages):
+        stages, suspects = None, ()
     if CONSTANT in suspects and not case.cut and is_inertia_alone_off(case.joint, case.logs):
         stages, suspects = None, [name for name in suspects if name != CONSTANT]
     joints = {"datasheet": case.joint}
@@ -102,10 +105,18 @@ def judge(
     plain = best_start(Problem(case.fit), base)
     case = sharp(case, [plain.model.at(plain.z)], SHARPER)
     problem, test = Problem(case.fit), Problem(case.test)
-    found = search(
-        problem, base, terms, suspects, progress,
-        lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
-    )  # fmt: skip
+
+    def searched_with(base: Model, terms: Sequence[Term], suspects: Sequence[str]) -> Found:
+        return search(
+            problem, base, terms, suspects, progress,
+            lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
+        )  # fmt: skip
+
+    found = searched_with(base, terms, suspects)
+    if is_delicate(case.fit, found.fit.model.at(found.fit.z)):
+        peak = scales_of(case.joint, case.logs).peak
+        start = replace(base, terms=tuple(limited(base.terms, peak)))
+        found = searched_with(start, limited(terms, peak), ())
     if not timed and (rows := lateness(case, found.fit)) != case.logs[0].usual:
         case = late(case, rows)
         if case.logs[0].early:  # the stages took the current as it was logged
