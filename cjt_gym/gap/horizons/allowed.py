@@ -45,7 +45,8 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
 
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor friction as asymmetric whose two directions hardly
-    differ, nor what something else may look like; see `MIMICKED`. Beside the faults of `UNSOUND`
+    differ, nor one of several effects that fit alike, nor what something else may look like; see
+    `MIMICKED`. Beside the faults of `UNSOUND`
     only effects of the sensors are, beside those of `DISTORTED` none.
     """
     advice = () if first.examination is None else first.examination.advice
@@ -62,7 +63,7 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
         open_ = [e.doubted(BESIDE_ANOTHER) if e.name == "damping" else e for e in open_]
     for has, said, rivals in MIMICKED:
         open_ = [e.or_else(rivals).doubted(said) if has(e, view) else e for e in open_]
-    effects = tuple(e.doubted(why[e.name]) if e.name in why else e for e in open_)
+    effects = tuple(e.doubted(why[e.name]) if e.name in why else _alone(e) for e in open_)
     for fault, said in UNSOUND.items():
         if fault in advice:
             spared = () if fault in DISTORTED else MEASURES
@@ -80,6 +81,12 @@ def with_rivals(effects: Iterable[NamedEffect], excluded: Collection[str]) -> li
     drags = DRAGS if DRAGS.issubset(excluded) else frozenset()
     rivals = {"coulomb": hidden | drags - {"coulomb"}, "damping": drags - {"damping"}}
     return [e.or_else(rivals.get(e.name, ())) for e in effects]
+
+
+def _alone(effect: NamedEffect) -> NamedEffect:
+    """Return an effect, tentative where another fits alike."""
+    others = effect.confusable_with
+    return effect.doubted(f"{' or '.join(others)} may take its place") if others else effect
 
 
 @dataclass(frozen=True)
@@ -117,6 +124,11 @@ def _falls_to_nothing(effect: NamedEffect, _: _View) -> bool:
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
 
 
+def _is_one_sided(effect: NamedEffect, _: _View) -> bool:
+    """Return whether dry friction may be none in one direction, which no bearing has."""
+    return effect.name == "coulomb_asym" and any(x.low <= 0.0 for x in effect.parameters.values())
+
+
 def _is_vague(effect: NamedEffect, view: _View) -> bool:
     """Return whether the frequency of a torque over the angle is hardly determined."""
     f = effect.parameters.get("f")
@@ -150,6 +162,7 @@ def _is_short(effect: NamedEffect, view: _View) -> bool:
 
 
 MIMICKED: tuple[tuple[Callable[[NamedEffect, _View], bool], str, tuple[str, ...]], ...] = (
+    (_is_one_sided, "an offset beside equal friction looks alike", ("torque_offset",)),
     (_is_vague, "its frequency stays open", ()),
     (_is_of_friction, "in one direction friction that changes with the angle looks alike", ()),
     (_pulls_straight, "over so small an angle a spring to the frame pulls alike", ("contact",)),

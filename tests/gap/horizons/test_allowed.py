@@ -21,7 +21,7 @@ def told() -> Diagnosis:
 
 
 def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diagnosis) -> None:
-    sure = tuple(replace(e, status="confirmed") for e in told.effects)
+    sure = tuple(replace(e, status="confirmed", confusable_with=()) for e in told.effects)
     assert told.examination is not None
     doubts = ((ONE_INSTANT,), (SLOPES,), (FACTOR,), (SCALES,))
     for advice, status in (((), "confirmed"), *((one, "tentative") for one in doubts)):
@@ -37,6 +37,8 @@ def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diag
         ("cogging", {"f": 7.0}, (), 20.0, ""),
         ("gravity", {"torque": 3.0}, (), 0.4, "a spring to the frame"),
         ("gravity", {"torque": 3.0}, (), 2.0, ""),
+        ("coulomb_asym", {"d_cm": 0.0, "d_cm_n": 0.1}, (), 2.0, "an offset beside equal"),
+        ("coulomb_asym", {"d_cm": 0.3, "d_cm_n": 0.1}, (), 2.0, ""),
         ("thermal_derating", {"T_thw": 1.0}, (), 2.0, "what is no heat"),
         ("thermal_derating", {"T_thw": 9.0}, (), 2.0, ""),
     ],
@@ -54,6 +56,17 @@ def test_what_looks_like_an_effect_is_told_and_the_effect_not_confirmed(
     (found,) = allowed_by(given, dict.fromkeys(excluded, "")).effects
     assert found.status == ("tentative" if said else "confirmed")
     assert said in found.doubt
+
+
+def test_one_of_several_effects_that_fit_alike_is_not_confirmed(told: Diagnosis) -> None:
+    torque = {"torque": Interval(0.1, 0.09, 0.11, "N m")}
+    for alike, status in (((), "confirmed"), (("coulomb_asym",), "tentative")):
+        offset = NamedEffect(
+            "torque_offset", "motor", None, None, torque, "confirmed", 0.9, 0.5, alike
+        )
+        (found,) = allowed_by(replace(told, effects=(offset,)), {}).effects
+        assert found.status == status
+        assert found.doubt == ("coulomb_asym may take its place" if alike else "")
 
 
 @pytest.mark.parametrize(
@@ -75,7 +88,10 @@ def test_beside_a_wrong_unit_no_steps_are_confirmed(
 def test_dry_friction_is_not_confirmed_where_viscous_friction_cannot_be_told(
     told: Diagnosis,
 ) -> None:
-    sure = replace(told, effects=tuple(replace(e, status="confirmed") for e in told.effects))
+    sure = replace(
+        told,
+        effects=tuple(replace(e, status="confirmed", confusable_with=()) for e in told.effects),
+    )
     dry = {e.name for e in sure.effects} & {"coulomb"}
     assert dry
     doubted = {e.name for e in allowed_by(sure, {"damping": "one speed"}).effects if e.doubt}
