@@ -162,7 +162,7 @@ def _is_short(effect: NamedEffect, view: _View) -> bool:
 
 
 MIMICKED: tuple[tuple[Callable[[NamedEffect, _View], bool], str, tuple[str, ...]], ...] = (
-    (_is_one_sided, "an offset beside equal friction looks alike", ("torque_offset",)),
+    (_is_one_sided, "an offset beside equal friction looks alike", ("coulomb", "torque_offset")),
     (_is_vague, "its frequency stays open", ()),
     (_is_of_friction, "in one direction friction that changes with the angle looks alike", ()),
     (_pulls_straight, "over so small an angle a spring to the frame pulls alike", ("contact",)),

@@ -23,6 +23,7 @@ from cjt_gym.gap.horizons.disturbed import disturbed
 from cjt_gym.gap.horizons.judge import Progress, judge
 from cjt_gym.gap.horizons.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.model import MEASURES
+from cjt_gym.gap.horizons.named import as_plain
 from cjt_gym.gap.horizons.refined import BESIDE, LATE, NAMELESS, gave_way, refined
 from cjt_gym.gap.horizons.staged import BETTER, as_nominal, standing, with_drag, with_late_drive
 from cjt_gym.gap.horizons.tell import retold
@@ -95,7 +96,8 @@ def _told(
 ) -> Diagnosis:
     """Return the diagnosis of the joint that is the answer."""
     if found.answer == "stages":
-        return allowed_by(standing(first, found), excluded)
+        told = allowed_by(standing(first, found), excluded)
+        return replace(told, effects=tuple(as_plain(effect) for effect in told.effects))
     told = retold(first, found, excluded, title)
     told = _with_elsewhere(told, first, measured=measured)
     told = allowed_by(with_drag(with_late_drive(told, found), found), excluded)

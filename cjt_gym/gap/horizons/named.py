@@ -79,7 +79,7 @@ def effects_of(
     if not named and main.found < HALVED * main.datasheet:
         named = _of_search(judged, excluded, seen, alone=True)
     named += [e for e in of_drive(judged) if e.name not in {n.name for n in named}]
-    named = [_as_plain(effect) for effect in _folded(named) if effect.parameters]
+    named = [as_plain(effect) for effect in _folded(named) if effect.parameters]
     return tuple(sorted(named, key=lambda e: -e.gap_removed))
 
 
@@ -149,7 +149,7 @@ def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
     ]
 
 
-def _as_plain(effect: NamedEffect) -> NamedEffect:
+def as_plain(effect: NamedEffect) -> NamedEffect:
     """Return dry friction that differs with the direction as plain if that fits as well.
 
     It is nearly symmetric then, or acts in one direction only, as if an offset were hidden in it.

@@ -11,7 +11,7 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SCALES, SLOPES
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.allowed import allowed_by
-from cjt_gym.gap.horizons.named import _as_plain
+from cjt_gym.gap.horizons.named import as_plain
 from tests.gap.horizons.rotor import datasheet, record
 
 
@@ -152,7 +152,7 @@ def test_friction_of_one_direction_is_plain_friction_beside_an_offset(
     effect = NamedEffect(
         "coulomb_asym", "motor", "motor", None, numbers, "tentative", 0.5, 0.5, alike, 1.0
     )  # fmt: skip
-    told = _as_plain(effect)
+    told = as_plain(effect)
     if level is None:
         assert told is effect
         return
