@@ -13,6 +13,7 @@ from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap.by_stages import Ask, by_stages
 from cjt_gym.gap.candidates.separated import separating
 from cjt_gym.gap.check import examine
+from cjt_gym.gap.check.energy import NOT_THE_INPUT
 from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, REFLECTED, SCALES, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import ENOUGH, Diagnosis, Suggestion
@@ -80,7 +81,10 @@ def diagnose(
     for record in (*given, *held):
         _check_rate(record)
         _check_drive(record, file)
+    _check_apart(given, held)
     exam = examine(given, file, shape)
+    if any(NOT_THE_INPUT in fault for fault in exam.faults):
+        raise _driven_by_another(first)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
         raise _nothing_moves(first)
     absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
@@ -90,10 +94,7 @@ def diagnose(
     parts = driven[: len(given)], driven[len(given) :]
     given, held = ([one for one in some if is_left(one)] for some in parts)
     if not given:
-        raise RecordError(
-            f"{first.owner}: something other than the motor drives the joint throughout. Map its "
-            "torque as tau_l, or record what the motor drives alone."
-        )
+        raise _driven_by_another(first)
     given, held = in_step(given, held, file, shape)
     pieces = stretches(given)
     file = with_smoothing(file, shape, pieces)
@@ -130,6 +131,13 @@ def diagnose(
     return remarked(found, given, pieces, shape, remarks)
 
 
+def _driven_by_another(record: Record) -> RecordError:
+    return RecordError(
+        f"{record.owner}: something other than the motor drives the joint throughout. Map its "
+        "torque as tau_l, or record what the motor drives alone."
+    )
+
+
 def _nothing_moves(record: Record) -> RecordError:
     return RecordError(
         f"{record.owner}: nothing moves by more than its noise, or all of it from one row to the "
@@ -158,6 +166,26 @@ def _check_rate(record: Record) -> None:
             f"diagnosed, got one every {dt:.3g} s. If its times are milliseconds, map t with "
             "unit = 'ms'."
         )
+
+
+def _check_apart(given: Sequence[Record], held: Sequence[Record]) -> None:
+    """Refuse a record that is given twice: it would count double, or test itself."""
+    seen: list[tuple[Record, bool]] = []
+    for record, tests in (*((one, False) for one in given), *((one, True) for one in held)):
+        for other, tested in seen:
+            if _is_same(record, other):
+                why = "fitted and held out at once" if tests and not tested else "given twice"
+                raise RecordError(
+                    f"{record.owner} must differ from {other.owner}, got the same samples, "
+                    f"{why}. Leave one of them out, or record another motion."
+                )
+        seen.append((record, tests))
+
+
+def _is_same(one: Record, other: Record) -> bool:
+    """Return whether two records hold the same samples."""
+    alike = len(one) == len(other) and set(one.columns) == set(other.columns)
+    return alike and all(np.array_equal(one[n], other[n], equal_nan=True) for n in one.columns)
 
 
 def _check_drive(record: Record, file: JointFile) -> None:

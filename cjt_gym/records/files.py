@@ -118,7 +118,8 @@ def joint_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> st
 
 def _given_or_beside(path: Path, mapping: MappingLike | None) -> MappingLike | None:
     beside = path.with_suffix(SUFFIX)
-    return beside if mapping is None and beside.is_file() else mapping
+    converted = path.suffix == ".npz" and describes_record(path.with_suffix(".toml"))
+    return beside if mapping is None and beside.is_file() and not converted else mapping
 
 
 def facts_of(path: Path, mapping: ColumnMapping) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import orthonormal
+from cjt_gym.gap.check.balance import left_over, orthonormal
 from cjt_gym.gap.check.channels import Channel
 from cjt_gym.gap.check.transmission import deflection
 from cjt_gym.gap.check.view import View
@@ -54,6 +54,11 @@ SMALLEST = 0.2
 TOP, FLAT = 0.97, 0.1
 """Share of its largest size from which a channel is at its top, and least share of such samples of
 one that is limited: also twice that of its command."""
+
+
+OFTEN, RARELY, UNTOLD = 0.1, 0.01, 0.7
+"""Least share of motion in either direction, largest share of an input of the other sign, and least
+share of it that motion leaves, for an input to be taken for a magnitude."""
 
 
 def velocities(view: View) -> list[str]:
@@ -112,6 +117,30 @@ def currents(view: View) -> list[str]:
         if off is not None and (same or times != 1.0) and abs(off - 1.0) > limit:
             found.append(f"{other} is {plain(off)} times {words}.")
     return _exchanged(view) or found
+
+
+def magnitudes(view: View) -> list[str]:
+    """Return a sentence on an input that was logged without its sign.
+
+    Where the angle was logged, the energy of the joint tells that better; see `foreign`.
+    """
+    balance, name = view.motor, view.drive
+    if balance is None or name is None or "q_m" in view:
+        return []
+    u, v = balance["u"], balance["v"]
+    both = min(np.mean(v > 0.0), np.mean(v < 0.0))
+    if both < OFTEN or min(np.mean(u < 0.0), np.mean(u > 0.0)) > RARELY:
+        return []
+    columns = [balance[key] for key in ("a", "v", "s", "one")]
+    known, turned = (
+        left_over(x, columns) / max(float(np.std(x)), 1e-300) for x in (u, np.abs(u) * np.sign(v))
+    )
+    if known < UNTOLD or turned > 0.5 * known:
+        return []
+    return [
+        f"{name} has one sign throughout, though the joint turns both ways, and goes with the "
+        "motion only if it turns with it: it looks like a magnitude. Log it with its sign."
+    ]
 
 
 def _exchanged(view: View) -> list[str]:

@@ -22,6 +22,7 @@ SHORTEST = 2.0
 """Shortest stretch between two gaps in which returns count [s]."""
 SPREAD = 4
 """Decades of inertia, on either side of the usual one, that are tried."""
+NOT_THE_INPUT = "it is not the input that moves the joint"
 FOREIGN = 0.1
 """Least gain that is told, relative to all energy that the motor gives and takes. Sixty records of
 real joints that nothing else moves have at most 0.014, also with a weight and whatever their
@@ -38,10 +39,12 @@ def foreign(view: View) -> list[str]:
     share = _share(view)
     if share < FOREIGN:
         return []
-    if _is_off(view):
+    if _is_constant(view):
+        value = float(view.driving(view.stretches[0])[0])
+        never = "never changes" if value else "is 0 throughout"
         return [
-            f"{view.drive} is 0 throughout, and the joint gains speed again and again: it is not "
-            "the input that moves the joint, or something else moves it, such as a hand."
+            f"{view.drive} {never}, and the joint gains speed again and again: {NOT_THE_INPUT}, or "
+            "something else moves it, such as a hand."
         ]
     backward = _share(view, -1.0) < 0.5 * FOREIGN
     if backward and _is_turned(view):
@@ -54,9 +57,9 @@ def foreign(view: View) -> list[str]:
     ]
 
 
-def _is_off(view: View) -> bool:
-    """Return whether the motor gives no torque in any stretch."""
-    return not any(np.any(view.driving(piece)) for piece in view.stretches)
+def _is_constant(view: View) -> bool:
+    """Return whether the torque of the motor is the same throughout, as it is if that is off."""
+    return all(np.ptp(view.driving(piece)) == 0.0 for piece in view.stretches)
 
 
 def _is_turned(view: View) -> bool:
@@ -70,8 +73,9 @@ def _is_turned(view: View) -> bool:
 def _share(view: View, sign: float = 1.0) -> float:
     """Return the energy that something else gives, relative to what the motor exchanges.
 
-    Of a motor that is off it is relative to what the joint gains and loses. The back-EMF of a
-    drive by voltage only takes, as friction does.
+    Of a motor with constant torque, which gives nothing between returns to an angle, it is relative
+    to what the joint gains and loses. The back-EMF of a drive by voltage only takes, as friction
+    does.
     """
     known = "tau_l" in view or view.structure.has_spring or view.drive is None
     if known or "q_m" not in view:
@@ -91,7 +95,7 @@ def _share(view: View, sign: float = 1.0) -> float:
         if sum(map(len, given)) < FEWEST:
             continue
         work, change = np.concatenate(given), np.concatenate(moved)
-        if exchanged > 0.0:
+        if exchanged > 0.0 and not _is_constant(view):
             found.append(_gain(work, change) / exchanged)
         elif np.any(change):
             found.append(float(np.maximum(change, 0.0).sum() / np.abs(change).sum()))

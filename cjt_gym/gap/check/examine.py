@@ -88,6 +88,8 @@ def examine(
         view = View.of([one for one in driven if is_left(one)], joint, view.structure)
     if joint is not None:
         check_bodies(joint.parameters, view.structure)
+        for one in records:
+            _check_axis(one, joint)
     with threadpool_limits(1, "blas"):  # threads slow down products of narrow matrices
         verdicts = {name: row(view) for name, row in ROWS.items()}
         wrong, remedies = faults(view)
@@ -133,6 +135,19 @@ def sentence(words: str) -> str:
     first = words.split(" ", 1)[0]
     symbol = "_" in first or first in ("i", "tau", "v")
     return (words if symbol else words[0].upper() + words[1:]) + "."
+
+
+def _check_axis(record: Record, joint: JointFile) -> None:
+    """Refuse positions in rad of a prismatic joint, and in m of a rotary one."""
+    axis, turns = joint.parameters.axis, {"rad", "rad/s", "N m"} & set(record.units.values())
+    if record.prismatic == (axis == "prismatic") or not (record.prismatic or turns):
+        return
+    wanted, other = ("m and N", "rotary") if axis == "prismatic" else ("rad and N m", "prismatic")
+    got = ", ".join(f"{name} in {unit}" for name, unit in record.units.items() if name != "t")
+    raise RecordError(
+        f"{record.owner} must be in {wanted}, as {joint.parameters.name} is {axis}, got {got}. Map "
+        f'its columns with their units, or give a {other} joint (axis = "{other}").'
+    )
 
 
 def _check(records: Sequence[Record]) -> None:

@@ -13,6 +13,7 @@ from cjt_gym.gap.check.contradictions import (
     angles,
     coarser,
     currents,
+    magnitudes,
     miscounted,
     spring,
     torques,
@@ -78,6 +79,11 @@ def _repairs(view: View) -> list[str]:
         kept = [repair.text for repair in repairs if repair.kind not in told]
         if view.joint is not None:
             _, turned = orient(record, view.joint, view.structure)
+            angles_turned = {f"d{one.channel}" for one in turned if one.kind == "sign"}
+            noted, kept = (
+                [t for t in some if AGAINST not in t or t.split(":")[0] not in angles_turned]
+                for some in (noted, kept)
+            )
             known = [text.split(":")[0] for text in kept if AGAINST in text]
             kept += [repair.text for repair in turned if repair.channel not in known]
         found += [text for text in [*noted, *kept] if not _known_better(view, text)]
@@ -255,6 +261,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_whole_numbers, UNITS),
     (velocities, SLOPES),
     (currents, FACTOR),
+    (magnitudes, SCALES),
     (angles, FACTOR),
     (torques, SCALES),
     (_not_reflected, REFLECTED),
