@@ -32,6 +32,8 @@ SIZES = (8, 32, 128)
 PLAIN, UNLIKE = 0.9, 0.3
 """Correlation of neighbouring means of a slope from which it is motion rather than noise, and that
 up to which a velocity does not follow it."""
+FAR = 5.0
+"""Ratio of the integral of a velocity to the way of its angle from which it is not of it."""
 MOST_LATE = 50
 """Samples up to which a channel may be late."""
 LATE = 0.7
@@ -109,8 +111,11 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
     t = columns["t"] if "t" in columns else np.arange(len(q)) * dt
     slope = np.gradient(q, t)
     lag, alike = lag_of(slope, v)
-    if abs(alike) < ALIKE:
-        return _unlike_slope(angle, velocity, q, v, slope) if abs(alike) < UNLIKE else None
+    if alike < ALIKE:
+        unlike = _unlike_slope(angle, velocity, q, v, slope) if abs(alike) < UNLIKE else None
+        found = unlike or _farther(angle, velocity, q, v, dt)
+        if found is not None or alike > -ALIKE:
+            return found
     ratio = float(np.sign(alike) * np.sqrt(np.var(v) / max(np.var(slope), 1e-300)))
     if alike < 0.0:
         text = f"{velocity}: has the sign against the slope of {angle}. Map it with sign = -1."
@@ -136,6 +141,18 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
         )
         return Repair("lateness", velocity, len(v), False, text)
     return None
+
+
+def _farther(angle: str, velocity: str, q: FloatArray, v: FloatArray, dt: float) -> Repair | None:
+    """Return that a velocity adds up to far more than its angle moves, noise included."""
+    added, moved = float(np.abs(v).sum() * dt), float(np.abs(np.diff(q)).sum())
+    if added <= FAR * moved or moved == 0.0:
+        return None
+    text = (
+        f"{velocity}: adds up to {added / moved:.2g} times the way of {angle}: its unit, or how "
+        "its sign is coded, is wrong."
+    )
+    return Repair("unit", velocity, len(q), False, text)
 
 
 def _unlike_slope(

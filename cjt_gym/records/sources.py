@@ -83,12 +83,26 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
 
 def numbers_of(values: NDArray[Any], name: str, owner: str) -> FloatArray:
     """Return the values of a column of a log."""
+    if values.dtype.kind == "U":
+        row, text = next((k, x) for k, x in enumerate(values.tolist()) if not _is_number(x))
+        raise RecordError(
+            f"Column {name!r} of {owner} must hold numbers with a decimal point, got {text!r} in "
+            f"row {row + 1}. Write numbers there, or map another column."
+        )
     if values.dtype.kind not in NUMBERS or values.ndim != 1:
         raise RecordError(
             f"Column {name!r} of {owner} must hold real numbers, one per row, got the type "
             f"{values.dtype} and the shape {values.shape}."
         )
     return np.asarray(values, dtype=np.float64)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text or "nan")
+    except ValueError:
+        return False
+    return True
 
 
 def _source(

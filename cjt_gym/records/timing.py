@@ -70,7 +70,8 @@ def _readable(t: FloatArray, repairs: list[Repair]) -> NDArray[np.intp]:
         usual = median_filter(t[rows], 2 * LATE_ROWS + 1, mode="nearest")
         rows = rows[np.abs(t[rows] - usual) <= near]
     if lost := len(t) - len(rows):
-        text = f"{counted(lost, 'row')} without a readable time left out."
+        why = "without a readable time, or with more or fewer cells than names"
+        text = f"{counted(lost, 'row')} {why}, left out."
         repairs.append(Repair("unreadable", None, lost, True, text))
     return rows
 

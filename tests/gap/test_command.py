@@ -258,3 +258,17 @@ def test_bad_input_is_answered_by_one_line(
     assert len(last) == 1
     assert any(part in last[0] for part in says.split("|")), last
     assert "Traceback" not in error
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["run.npz"], "given twice"), (["--validate", "run.npz"], "held out at once")],
+)
+def test_a_record_neither_counts_twice_nor_tests_itself(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    more = [str(folder / word) if word.endswith(".npz") else word for word in words]
+    asked = [str(folder / "run.npz"), *more, "--out", str(tmp_path / "found")]
+    status, _, error = diagnosed(asked, capsys)
+    assert status == 2
+    assert said in error

@@ -63,7 +63,7 @@ def test_damaged_lines_cost_only_themselves(tmp_path: Path) -> None:
     assert len(record) == N - 2
     assert np.flatnonzero(np.isnan(record["q_m"])).size == 1
     texts = " ".join(repair.text for repair in repairs)
-    assert "2 rows without a readable time left out" in texts
+    assert "2 rows without a readable time, or with more or fewer cells" in texts
     assert "t, q_m taken as SI units. Left out: state." in texts
 
 
@@ -277,3 +277,44 @@ def test_other_formats_are_not_imported_for_a_csv(tmp_path: Path) -> None:
         "print([m for m in ('h5py', 'mcap', 'pyarrow', 'scipy.io') if m in sys.modules])"
     )
     assert run_python(text, cwd=tmp_path).stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (["t,q,i", *(f'{k},0.1,"-0,3{k}"' for k in range(30))], "numbers with a decimal point"),
+        (["t,q,i", *(f"{k},0.1,{'OK' if k % 2 else 1}" for k in range(30))], "got 'OK' in row 2"),
+        (["Axis1", "t,q,i", *(f"{k},0.1,1" for k in range(30))], "above lines of 3 cells"),
+        (["t:,0,q:,0.2", *(f"t:,{k},q:,0.1" for k in range(30))], "a line of column names"),
+        (["t,q,q", *(f"{k},0.1,1" for k in range(30))], "Rename one of them in its first line"),
+    ],
+    ids=["decimal comma", "text", "title", "labels", "twice"],
+)
+def test_what_is_no_table_of_numbers_is_told_with_its_place(
+    tmp_path: Path, lines: list[str], said: str
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(lines), encoding="utf-8")
+    named = {"t": {"source": "t"}, "q_m": {"source": "q"}, "i": {"source": "i"}}
+    with pytest.raises(RecordError, match=said):
+        read_log(log, {"columns": named})
+
+
+def test_a_text_beside_the_mapped_columns_does_not_matter(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    rows = "\n".join(f"{1e-3 * k},0.1,{k % 2 == 0}" for k in range(30))
+    log.write_text(f"t,q,on\n{rows}", encoding="utf-8")
+    (record,), _ = read_log(log, {"columns": {"t": {}, "q_m": {"source": "q"}}})
+    assert len(record) == 30
+
+
+def test_a_converted_record_does_not_take_the_mapping_of_its_log(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    rows = "\n".join(f"{k},{0.5 * k}" for k in range(30))
+    log.write_text(f"ms,deg\n{rows}", encoding="utf-8")
+    (tmp_path / "log.map.toml").write_text(
+        '[columns]\nt = { source = "ms", unit = "ms" }\nq_m = { source = "deg", unit = "deg" }\n'
+    )
+    (record,), _ = read_log(log)
+    write_record(record, tmp_path / "log.npz")
+    assert np.array_equal(read_record(tmp_path / "log.npz")["q_m"], record["q_m"])

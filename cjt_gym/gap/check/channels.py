@@ -21,6 +21,8 @@ from cjt_gym.joint import JointFile
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import TRUE_PREFIX, Record
 
+FEW_COUNTS = 100.0
+"""Motion of an angle, in steps of its resolution, below which it hardly moves."""
 ALIKE = 0.06
 """Relative difference up to which two noise estimates agree, so that the noise is white."""
 FINEST = 1e-6

@@ -8,6 +8,7 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import factors
 from cjt_gym.gap.check.bus import LOOP, bus
+from cjt_gym.gap.check.channels import FEW_COUNTS
 from cjt_gym.gap.check.clock import clock, gaps
 from cjt_gym.gap.check.contradictions import (
     angles,
@@ -33,8 +34,6 @@ from cjt_gym.gap.recorded.series import SLOW
 from cjt_gym.records import clean_pieces
 from cjt_gym.records.repair import NOTE
 
-FEW_COUNTS = 100.0
-"""Motion of an angle, in steps of its resolution, below which it is reported."""
 COUNTED = 50.0
 """Least range of an angle for whole numbers to be reported [rad]."""
 AGAINST = "has the sign against"

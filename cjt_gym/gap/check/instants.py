@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cjt_gym.gap.check.balance import factors, left_over
+from cjt_gym.gap.check.channels import FEW_COUNTS
 from cjt_gym.gap.check.clock import even
 from cjt_gym.gap.check.encoders import angles_in_step
 from cjt_gym.gap.check.pieces import smooth
@@ -250,6 +251,9 @@ def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
         return [], []
     assert view.motor_angle is not None
     motion, torque = view.motor_angle, view.drive
+    angle = view.channels[motion]
+    if motion.startswith("q_") and angle.span < FEW_COUNTS * angle.resolution:
+        return [], []
     time = f"{_samples(abs(shift))} ({1e3 * abs(shift) * view.dt:.2g} ms)"
     if shift < 0.0:
         rows = round(-shift)

@@ -19,6 +19,10 @@ Floats = NDArray[np.float64]
 STEP = 0.01
 """Step of a coordinate for finite-difference slopes, in units of its scale."""
 DIGITS = 8
+VAGUE = 4.0
+"""Width of an interval, relative to the number, from which it says nothing about its size."""
+ANGLES, TURNED = frozenset({"gravity.angle"}), 1.0
+"""Numbers whose size is none, and the width of their intervals from which they are vague [rad]."""
 PASSED = np.linspace(-1.0, 1.0, 9)
 """Places on the way from one end of an interval to the other where a number is taken."""
 
@@ -75,10 +79,11 @@ class Scatter:
         return found
 
     def untold(self, named: Collection[str]) -> frozenset[str]:
-        """Return the numbers that the record leaves open, except those of named effects.
+        """Return the numbers that the record leaves open; of named effects only the vaguest.
 
         A fit that needs them ends at a bound, or anywhere within a factor of ten: such a number
-        predicts as well as others, but it was not found.
+        predicts as well as others, but it was not found. That of a named effect is vague if its
+        interval is several times as wide as it is large.
         """
         model, z = self.spread.model, self.spread.fit.z
         found: set[str] = set()
@@ -89,7 +94,12 @@ class Scatter:
                 wide = number.log and one.high > TENFOLD * one.low
                 if wide or number.at_bound(float(z[at])):
                     found |= {self.names[k] for k in np.flatnonzero(self.slopes[:, at])}
-        return frozenset(name for name in found if name.split(".")[0] not in named)
+        vague = {
+            name
+            for name, one in self.intervals().items()
+            if one.high - one.low > (TURNED if name in ANGLES else VAGUE * abs(one.value)) > 0.0
+        }
+        return frozenset(n for n in found if n.split(".")[0] not in named) | vague
 
     def of_effect(self, name: str) -> dict[str, Interval]:
         """Return the intervals of an effect's numbers, by their symbols in the effect table."""

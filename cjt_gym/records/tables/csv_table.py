@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.disk import COLUMNS, NUMBERS
 from cjt_gym.errors import RecordError
@@ -25,6 +26,10 @@ NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f]")
 """Control characters, which no line of names has."""
 ROWS = 100_000
 """Rows that are parsed at a time."""
+MANY = 0.2
+"""Share of the cells of a column from which texts are no damage: it is not one of numbers."""
+SEEN = 20
+"""Lines below the names by whose cells it is seen that these are not names."""
 
 
 def read(path: Path) -> dict[str, FloatArray]:
@@ -33,8 +38,11 @@ def read(path: Path) -> dict[str, FloatArray]:
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
-def stream(path: Path, rows: int) -> Iterator[dict[str, FloatArray]]:
-    """Yield pieces of so many rows. What is not a number is NaN, a damaged line a row of NaN."""
+def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
+    """Yield pieces of so many rows. What is not a number is NaN, a damaged line a row of NaN.
+
+    A column with much text is one of text.
+    """
     return _pieces(path, rows, strict=False)
 
 
@@ -51,16 +59,18 @@ def write(columns: Mapping[str, FloatArray], path: Path) -> None:
     )
 
 
-def _pieces(path: Path, rows: int, strict: bool) -> Iterator[dict[str, FloatArray]]:
+def _pieces(path: Path, rows: int, strict: bool) -> Iterator[dict[str, NDArray[Any]]]:
     with path.open(encoding="utf-8-sig", newline="", errors="strict" if strict else "replace") as f:
         number, separator, names = _header(path, f)
         _check_names(path, names)
         first, count = True, 0
         while (lines := list(islice(f, rows))) or first:
+            if first and not strict:
+                _check_width(path, names, lines[:SEEN])
             count += len(lines) * len(names)
             NUMBERS.check(count, path, RecordError)
             table = _numbers(path, number + 1, lines, separator, len(names), strict)
-            yield dict(zip(names, table.T, strict=True))
+            yield dict(zip(names, table, strict=True))
             number += len(lines)
             first = False
 
@@ -118,32 +128,48 @@ def _check_names(path: Path, names: list[str]) -> None:
             f"{path} must begin with a line of column names, got bytes that are no text. "
             "Read another format by its own suffix, or save the table as text."
         )
-    if all(map(_is_number, names)):
+    if 2 * sum(map(_is_number, names)) >= len(names):
         raise RecordError(
             f"{path} must begin with a line of column names, such as  time_ms,angle_deg,i_mA, "
-            f"got the numbers {', '.join(names[:4])}. Write such a line at its top."
+            f"got {', '.join(names[:4])}. Write such a line at its top, and leave out what stands "
+            "above it."
         )
     seen = set()
     for name in names:
         if name in seen:
             raise RecordError(
-                f"Every column of {path} must have a name of its own, got {name!r} twice."
+                f"Every column of {path} must have a name of its own, got {name!r} twice. Rename "
+                "one of them in its first line."
             )
         seen.add(name)
 
 
+def _check_width(path: Path, names: list[str], lines: list[str]) -> None:
+    """Refuse a first line that has far fewer cells than those below: it is a title."""
+    widths = sorted(len(_cells(line, _separator(line))) for line in lines if line.strip())
+    usual = widths[len(widths) // 2] if widths else len(names)
+    if usual > len(names) + 1:
+        raise RecordError(
+            f"{path} must begin with a line of column names, got {', '.join(names[:4])!r} above "
+            f"lines of {usual} cells. Leave out what stands above the names."
+        )
+
+
 def _numbers(
     path: Path, number: int, lines: list[str], separator: str | None, width: int, strict: bool
-) -> FloatArray:
-    """Return the numbers of some lines, shape (rows, width); at first as fast as can be."""
+) -> Sequence[NDArray[Any]]:
+    """Return the columns of some lines, shape (rows,) each; at first as fast as can be.
+
+    A column of which much is text is one of text.
+    """
     if separator != ",":
         lines = [line.replace(",", ".") for line in lines]
     try:
         if not any(map(str.strip, lines)):
-            return np.empty((0, width))
+            return [np.empty(0)] * width
         table: FloatArray = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2)
         if table.shape[1] == width:
-            return table
+            return list(table.T)
     except ValueError:
         pass
     rows = [
@@ -151,24 +177,32 @@ def _numbers(
         for k, line in enumerate(lines)
         if line.strip()
     ]
-    return np.array(rows, dtype=np.float64).reshape(-1, width)
+    return [_column(cells) for cells in zip(*rows, strict=True)]
 
 
-def _row(path: Path, number: int, cells: list[str], width: int, strict: bool) -> list[float]:
+def _row(path: Path, number: int, cells: list[str], width: int, strict: bool) -> list[str]:
+    """Return the cells of a line, which may be empty where a log is read as it is."""
     if len(cells) != width:
         if strict:
             raise RecordError(
                 f"Line {number} of {path} must have {width} values like its header, "
                 f"got {len(cells)}."
             )
-        return [np.nan] * width
-    values = [_value(cell) for cell in cells]
-    if strict and None in values:
+        return [""] * width
+    if strict and None in map(_value, cells):
         raise RecordError(
             f"Line {number} of {path} must hold numbers with a decimal point, "
             f"got {','.join(cells)!r}."
         )
-    return [np.nan if value is None else value for value in values]
+    return cells
+
+
+def _column(cells: Sequence[str]) -> NDArray[Any]:
+    """Return the numbers of a column, NaN for a text among them, or texts if many are."""
+    values = [_value(cell) for cell in cells]
+    if values.count(None) > MANY * len(cells):
+        return np.array(cells, dtype=np.str_)
+    return np.array([np.nan if value is None else value for value in values])
 
 
 def _value(cell: str) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cjt_gym.errors import RecordError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check.energy import foreign
 from cjt_gym.gap.check.examine import examine
@@ -77,11 +78,14 @@ def test_a_push_that_was_measured_is_none() -> None:
     assert foreign(View.of([known], None, None)) == []
 
 
-def test_a_joint_that_moves_without_an_input_is_moved_by_another() -> None:
+@pytest.mark.parametrize(("i", "said"), [(0.0, "i is 0 throughout"), (-2e-4, "i never changes")])
+def test_a_joint_that_moves_without_an_input_is_moved_by_another(i: float, said: str) -> None:
     record = servo(0.0)
-    off = record.with_columns({"i": np.zeros(len(record))})
-    (said,) = foreign(View.of([off], None, None))
-    assert said.startswith("i is 0 throughout, and the joint gains speed again and again")
+    off = record.with_columns({"i": np.full(len(record), i)})
+    (found,) = foreign(View.of([off], None, None))
+    assert found.startswith(f"{said}, and the joint gains speed again and again")
+    with pytest.raises(RecordError, match="something other than the motor drives the joint"):
+        diagnose(off, datasheet())
 
 
 def test_a_pendulum_that_swings_down_gains_nothing() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cjt_gym import load_joint
+from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.faults import REFLECTED
 from cjt_gym.joint import get_structure
@@ -223,9 +224,22 @@ def stale(table: Table) -> Table:
     return table | {"q_m": q}
 
 
+def magnitude(table: Table) -> Table:
+    speed = np.gradient(table["q_m"], 1e-3)
+    smooth = np.convolve(speed, np.ones(25) / 25, "same")
+    return {"t": table["t"], "i": np.abs(table["i"]), "dq_m": smooth}
+
+
+def sign_in_a_bit(table: Table) -> Table:
+    speed = np.gradient(np.convolve(table["q_m"], np.ones(25) / 25, "same"), 1e-3)
+    return table | {"dq_m": np.where(speed < 0.0, 500.0 - speed, speed)}
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
+        (magnitude, "it looks like a magnitude"),
+        (sign_in_a_bit, "or how its sign is coded, is wrong"),
         (half_velocity, "dq_m is 0.5 times the slope of q_m: its unit or scale is wrong, or"),
         (half_velocity_beside_a_staggered_angle, "times the slope of q_m: its unit or scale"),
         (in_degrees, "near 180/pi"),
@@ -382,3 +396,18 @@ def test_an_inertia_of_the_rotor_without_the_square_of_the_ratio_is_told(
 def test_a_gap_asks_for_a_log_without_gaps_alone() -> None:
     advice = examine(record(with_gap(columns())), joint(), None).advice
     assert [said for said in advice if said.startswith("Log ")] == ["Log without gaps."]
+
+
+def test_only_the_angle_is_said_to_be_turned_where_its_velocity_is_right() -> None:
+    table = columns()
+    speed = np.gradient(np.convolve(table["q_m"], np.ones(25) / 25, "same"), 1e-3)
+    found = faults(table | {"q_ref": table["q_m"], "q_m": -table["q_m"], "dq_m": speed})
+    assert [text for text in found if "sign" in text] == [
+        text for text in found if text.startswith("q_m: sign turned")
+    ]
+
+
+def test_a_joint_that_slides_is_not_judged_in_radians() -> None:
+    slides = load_joint("emps", "rigid").file
+    with pytest.raises(RecordError, match="must be in m and N, as emps is prismatic, got i_cmd in"):
+        examine(record(columns()), slides, None)
