@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain, groupby
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor friction as asymmetric whose two directions hardly
     differ, nor one of several effects that fit alike, nor what something else may look like; see
-    `MIMICKED`. Beside the faults of `UNSOUND`
+    `MIMICKED`. Of effects that explain as much the surer come first. Beside the faults of `UNSOUND`
     only effects of the sensors are, beside those of `DISTORTED` none.
     """
     advice = () if first.examination is None else first.examination.advice
@@ -68,7 +69,9 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
         if fault in advice:
             spared = () if fault in DISTORTED else MEASURES
             effects = tuple(e if e.name in spared else e.doubted(said) for e in effects)
-    return replace(first, effects=effects)
+    alike = (group for _, group in groupby(effects, key=lambda e: e.gap_removed))
+    surer = (sorted(group, key=lambda e: e.status != "confirmed") for group in alike)
+    return replace(first, effects=tuple(chain.from_iterable(surer)))
 
 
 def with_rivals(effects: Iterable[NamedEffect], excluded: Collection[str]) -> list[NamedEffect]:

@@ -58,6 +58,19 @@ def test_what_looks_like_an_effect_is_told_and_the_effect_not_confirmed(
     assert said in found.doubt
 
 
+def test_of_effects_that_explain_as_much_the_surer_come_first(told: Diagnosis) -> None:
+    def one(name: str, status: str, removed: float) -> NamedEffect:
+        size = {"noise": Interval(0.1, 0.09, 0.11, "rad")}
+        return NamedEffect(name, "sensing", None, "q_m", size, status, 0.9, removed)
+
+    given = (
+        one("stiffness", "tentative", 0.5), one("backlash", "tentative", 0.1),
+        one("quantization", "confirmed", 0.1), one("noise", "confirmed", 0.0),
+    )  # fmt: skip
+    found = allowed_by(replace(told, effects=given), {}).effects
+    assert [e.name for e in found] == ["stiffness", "quantization", "backlash", "noise"]
+
+
 def test_one_of_several_effects_that_fit_alike_is_not_confirmed(told: Diagnosis) -> None:
     torque = {"torque": Interval(0.1, 0.09, 0.11, "N m")}
     for alike, status in (((), "confirmed"), (("coulomb_asym",), "tentative")):
