@@ -24,11 +24,11 @@ HEAD: Final = """\
 KINDS: Final = {
     "temperature": "temp temperature degc",
     "t": "t time timestamp stamp clock ms us ns sec seconds",
-    "dq": "dq qd qdot vel velocity speed omega w rpm dtheta deg/s rad/s",
+    "dq": "dq qd qdot vel velocity speed omega w rpm dtheta deg/s rad/s dps",
     "i": "i iq current cur curr amp amps ampere ma",
     "v": "u v uq vq volt volts voltage mv",
     "tau": "tau torque trq moment nm",
-    "q": "q pos position angle theta phi enc encoder deg rad rev counts",
+    "q": "q pos position ang angle theta phi enc encoder deg rad rev counts",
 }
 """Words by which a quantity is known, those that also occur in others' names last."""
 COMMAND: Final = "cmd command commanded set setpoint soll target des desired demand goal"
@@ -37,6 +37,8 @@ LOAD: Final = "l load link out output joint arm"
 GEAR: Final = "g gear"
 MOTOR: Final = "m motor rotor"
 OUTSIDE: Final = "load ext external"
+OTHERS: Final = "gravity hall pid gain"
+"""Words of what is computed, or measured for something else."""
 SIDED: Final = ("q_m", "dq_m", "tau_m", "tau_cmd")
 
 
@@ -72,8 +74,8 @@ def guess(name: str) -> str | None:
     words = _words(name)
     kind = next((kind for kind, known in KINDS.items() if _any(known, words)), None)
     commanded, reference = _any(COMMAND, words), _any(REFERENCE, words)
-    if kind in (None, "t", "temperature"):
-        return kind
+    if kind in (None, "t", "temperature") or _any(OTHERS, words):
+        return kind if kind in ("t", "temperature") else None
     if kind == "i" or kind == "v":
         return "i_cmd" if commanded or reference else kind
     if kind == "tau":
@@ -119,7 +121,7 @@ def _unit(name: str, allowed: tuple[str, ...]) -> str | None:
         pattern = re.escape(unit).replace("/", "[/_]").replace(r"\ ", "[ ._*]?")
         if re.search(rf"(?:^|[\W_]){pattern}[\])]?$", name):
             return unit
-    return None
+    return "deg/s" if "deg/s" in allowed and re.search(r"(?:^|[\W_])dps[\])]?$", name) else None
 
 
 def _has_numbers(values: NDArray[Any]) -> bool:

@@ -17,6 +17,7 @@ from cjt_gym.records import (
     units_of,
 )
 from cjt_gym.records.columns import COLUMNS
+from cjt_gym.records.draft import draft, guess
 
 T = np.arange(500) * 1e-3
 Q = 0.3 * np.sin(2.0 * np.pi * 2.0 * T)
@@ -288,3 +289,21 @@ def test_dates_as_text_are_seconds(tmp_path: Path, zone: str) -> None:
     (tmp_path / "log.csv").write_text("\n".join(["t,q_m", *rows]))
     (record,), _ = read_log(tmp_path / "log.csv")
     assert record.t - record.t[0] == pytest.approx(0.01 * np.arange(300), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("hall_voltage [V]", None),
+        ("Gravity Torque [Nm]", None),
+        ("Output Velocity [dps]", "dq_l"),
+        ("mot_ang", "q_m"),
+    ],
+)
+def test_a_draft_knows_what_a_name_tells_of_and_what_it_does_not(
+    name: str, column: str | None
+) -> None:
+    assert guess(name) == column
+    text = draft("log.csv", {name: np.array([0.0, 1.0])})
+    assert f"[columns.{column or '?'}]" in text
+    assert ('unit = "deg/s"' in text) == name.endswith("[dps]")
