@@ -57,6 +57,26 @@ def glitches(x: FloatArray) -> NDArray[np.bool_]:
     return out if out.sum() <= COMMON * len(known) else np.zeros(len(x), dtype=bool)
 
 
+def false_ends(x: FloatArray) -> NDArray[np.bool_]:
+    """Return the few first or last samples of an angle from which it jumps, and far.
+
+    There nothing tells a glitch from a step, but a joint does not step.
+    """
+    out = np.zeros(len(x), dtype=bool)
+    known = np.flatnonzero(np.isfinite(x))
+    if len(known) < FEWEST:
+        return out
+    y = x[known]
+    edges = np.diff(y)
+    high = np.flatnonzero(np.abs(edges) > _limit(edges, y))
+    first, last = high[high < LONGEST_GLITCH], high[high >= len(edges) - LONGEST_GLITCH]
+    if len(first):
+        out[known[: first[-1] + 1]] = True
+    if len(last):
+        out[known[last[0] + 1 :]] = True
+    return out
+
+
 def _limit(edges: FloatArray, y: FloatArray) -> FloatArray:
     """Return the size from which an edge stands out, shape of `edges`."""
     size = np.abs(edges)

@@ -22,6 +22,7 @@ from cjt_gym.records import (
     read_record,
     record_names,
 )
+from cjt_gym.records.glitches import false_ends
 from cjt_gym.records.repair import make_records
 
 Floats = NDArray[np.float64]
@@ -367,3 +368,19 @@ def test_a_channel_that_is_cut_off_is_said() -> None:
     _, repairs = clean(as_record(columns))
     assert kinds(repairs) == {("saturation", "tau")}
     assert "8" in repairs[0].text
+
+
+@pytest.mark.parametrize(
+    ("place", "count"), [(slice(0, 1), 1), (slice(0, 3), 3), (slice(-2, None), 2)]
+)
+def test_an_angle_that_jumps_at_an_end_of_the_log_is_a_glitch_there(
+    place: slice, count: int
+) -> None:
+    t = 1e-3 * np.arange(3000)
+    angle = np.sin(3.0 * t)
+    assert not false_ends(angle).any()
+    assert not false_ends(np.where(t < 1.5, 0.0, angle - angle[1500])).any()
+    off = angle.copy()
+    off[place] += 3.0
+    assert np.array_equal(false_ends(off), off != angle)
+    assert false_ends(off).sum() == count
