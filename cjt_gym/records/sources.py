@@ -84,10 +84,11 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
 def numbers_of(values: NDArray[Any], name: str, owner: str) -> FloatArray:
     """Return the values of a column of a log."""
     if values.dtype.kind == "U":
-        row, text = next((k, x) for k, x in enumerate(values.tolist()) if not _is_number(x))
+        texts = values.tolist()
+        row = next((k for k, text in enumerate(texts) if not _is_number(text)), 0)
         raise RecordError(
-            f"Column {name!r} of {owner} must hold numbers with a decimal point, got {text!r} in "
-            f"row {row + 1}. Write numbers there, or map another column."
+            f"Column {name!r} of {owner} must hold numbers with a decimal point, got {texts[row]!r}"
+            f" in row {row + 1}. Write numbers there, or map another column."
         )
     if values.dtype.kind not in NUMBERS or values.ndim != 1:
         raise RecordError(

@@ -11,7 +11,7 @@ import numpy as np
 from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, OTHERS, SCALES, SLOPES
 from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
 from cjt_gym.gap.horizons.inverse import DRAGS, ONE_WAY
-from cjt_gym.gap.horizons.model import MEASURES
+from cjt_gym.gap.horizons.model import MEASURES, SKEW
 from cjt_gym.gap.horizons.rows import WINDINGS
 
 SYMMETRIC = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
@@ -46,9 +46,9 @@ def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
 
     Dry friction is not confirmed either where motion in one direction hides an offset or where
     viscous friction cannot be told from it, nor friction as asymmetric whose two directions hardly
-    differ, nor one of several effects that fit alike, nor what something else may look like; see
-    `MIMICKED`. Of effects that explain as much the surer come first. Beside the faults of `UNSOUND`
-    only effects of the sensors are, beside those of `DISTORTED` none.
+    differ, nor one of several that differ with it and fit alike, nor what something else may look
+    like; see `MIMICKED`. Of effects that explain as much the surer come first. Beside the faults of
+    `UNSOUND` only effects of the sensors are, beside those of `DISTORTED` none.
     """
     advice = () if first.examination is None else first.examination.advice
     why = dict.fromkeys(excluded, "check says that this record cannot tell it")
@@ -87,8 +87,8 @@ def with_rivals(effects: Iterable[NamedEffect], excluded: Collection[str]) -> li
 
 
 def _alone(effect: NamedEffect) -> NamedEffect:
-    """Return an effect, tentative where another fits alike."""
-    others = effect.confusable_with
+    """Return an effect, tentative where another that differs with the direction fits alike."""
+    others = [name for name in effect.confusable_with if {name, effect.name} <= SKEW]
     return effect.doubted(f"{' or '.join(others)} may take its place") if others else effect
 
 

@@ -15,6 +15,8 @@ from cjt_gym.joint.configure import EffectValues
 from cjt_gym.joint.structures import Structure
 
 Floats = NDArray[np.float64]
+SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
+"""Effects that depend on the direction; several of them together compensate each other."""
 MEASURES = ("noise", "quantization", "drift", "dropout", "command_noise")
 """Effects omitted from predictions: they only scatter or round the measurement."""
 DRIVE = (

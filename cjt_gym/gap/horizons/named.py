@@ -15,7 +15,7 @@ from cjt_gym.gap.horizons.fit import Fit
 from cjt_gym.gap.horizons.held import held_alike
 from cjt_gym.gap.horizons.inverse import feels_weight
 from cjt_gym.gap.horizons.judgement import LOUD, Judgement
-from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.horizons.model import SKEW, Term
 from cjt_gym.gap.horizons.nameable import (
     LEVELS,
     MUCH,
@@ -56,8 +56,6 @@ LEAST_LEVEL = 0.2
 """Least friction that remains at speed, relative to the additional friction at rest."""
 SCALES = frozenset({"inertia", "torque_constant"})
 """Datasheet values that make up for heat of which the record does not tell when it began."""
-SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
-"""Effects that depend on the direction; several of them together compensate each other."""
 COMBINED = ("gravity", "viscous_asym")
 """Effects whose numbers in the effect table are combinations of the fitted ones."""
 NESTED: Mapping[str, tuple[str, ...]] = {

@@ -128,11 +128,12 @@ def _check_names(path: Path, names: list[str]) -> None:
             f"{path} must begin with a line of column names, got bytes that are no text. "
             "Read another format by its own suffix, or save the table as text."
         )
-    if 2 * sum(map(_is_number, names)) >= len(names):
+    if 2 * (numbers := sum(map(_is_number, names))) >= len(names):
+        what = "the numbers" if numbers == len(names) else "the labels and numbers"
         raise RecordError(
             f"{path} must begin with a line of column names, such as  time_ms,angle_deg,i_mA, "
-            f"got {', '.join(names[:4])}. Write such a line at its top, and leave out what stands "
-            "above it."
+            f"got {what} {', '.join(names[:4])}. Write such a line at its top, and leave out what "
+            "stands above it."
         )
     seen = set()
     for name in names:
