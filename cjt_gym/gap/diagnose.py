@@ -176,7 +176,7 @@ def _check_apart(given: Sequence[Record], held: Sequence[Record]) -> None:
             if _is_same(record, other):
                 why = "fitted and held out at once" if tests and not tested else "given twice"
                 raise RecordError(
-                    f"{record.owner} must differ from {other.owner}, got the same samples, "
+                    f"Records must differ, got {record.owner} with the samples of {other.owner}, "
                     f"{why}. Leave one of them out, or record another motion."
                 )
         seen.append((record, tests))

@@ -33,7 +33,7 @@ PLAIN, UNLIKE = 0.9, 0.3
 """Correlation of neighbouring means of a slope from which it is motion rather than noise, and that
 up to which a velocity does not follow it."""
 FAR = 5.0
-"""Ratio of the integral of a velocity to the way of its angle from which it is not of it."""
+"""Ratio of the way that a velocity adds up to, to that of its angle, above which one is wrong."""
 MOST_LATE = 50
 """Samples up to which a channel may be late."""
 LATE = 0.7
@@ -149,8 +149,8 @@ def _farther(angle: str, velocity: str, q: FloatArray, v: FloatArray, dt: float)
     if added <= FAR * moved or moved == 0.0:
         return None
     text = (
-        f"{velocity}: adds up to {added / moved:.2g} times the way of {angle}: its unit, or how "
-        "its sign is coded, is wrong."
+        f"{velocity}: adds up to {added / moved:.2g} times as far as {angle} moves: its unit, "
+        "or how its sign is coded, is wrong."
     )
     return Repair("unit", velocity, len(q), False, text)
 

@@ -74,8 +74,10 @@ def guess(name: str) -> str | None:
     words = _words(name)
     kind = next((kind for kind, known in KINDS.items() if _any(known, words)), None)
     commanded, reference = _any(COMMAND, words), _any(REFERENCE, words)
-    if kind in (None, "t", "temperature") or _any(OTHERS, words):
-        return kind if kind in ("t", "temperature") else None
+    if kind in (None, "t", "temperature"):
+        return kind
+    if _any(OTHERS, words):
+        return None
     if kind == "i" or kind == "v":
         return "i_cmd" if commanded or reference else kind
     if kind == "tau":

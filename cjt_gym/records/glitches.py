@@ -35,12 +35,13 @@ SLOWEST = 100
 """Samples of the log, for one of the sensor, up to which a sensor is called slow."""
 
 
-def glitches(x: FloatArray) -> NDArray[np.bool_]:
+def glitches(x: FloatArray, *, angle: bool = False) -> NDArray[np.bool_]:
     """Return which samples are glitches: off and back again within a few samples, and far.
 
     The edges of a glitch exceed nearly all changes of the channel in the samples around it, its
     steady slope taken off, and lead back to where the channel came from. A step stays where it is;
-    so it is none.
+    so it is none. With `angle` the few samples before a first or after a last jump are glitches as
+    well: what is outside the log does not tell, but a joint does not step.
     """
     out = np.zeros(len(x), dtype=bool)
     known = np.flatnonzero(np.isfinite(x))
@@ -54,27 +55,18 @@ def glitches(x: FloatArray) -> NDArray[np.bool_]:
     high = np.flatnonzero(np.abs(edges) > _limit(edges, y))
     for begin, end in _runs(high, edges, y):
         out[known[begin:end]] = True
+    if angle:
+        begins, ends = _false_ends(y)
+        out[known[:begins]] = out[known[ends:]] = True
     return out if out.sum() <= COMMON * len(known) else np.zeros(len(x), dtype=bool)
 
 
-def false_ends(x: FloatArray) -> NDArray[np.bool_]:
-    """Return the few first or last samples of an angle from which it jumps, and far.
-
-    There nothing tells a glitch from a step, but a joint does not step.
-    """
-    out = np.zeros(len(x), dtype=bool)
-    known = np.flatnonzero(np.isfinite(x))
-    if len(known) < FEWEST:
-        return out
-    y = x[known]
+def _false_ends(y: FloatArray) -> tuple[int, int]:
+    """Return where an angle begins after a jump from its first samples, and ends before one."""
     edges = np.diff(y)
     high = np.flatnonzero(np.abs(edges) > _limit(edges, y))
     first, last = high[high < LONGEST_GLITCH], high[high >= len(edges) - LONGEST_GLITCH]
-    if len(first):
-        out[known[: first[-1] + 1]] = True
-    if len(last):
-        out[known[last[0] + 1 :]] = True
-    return out
+    return int(first[-1]) + 1 if len(first) else 0, int(last[0]) + 1 if len(last) else len(y)
 
 
 def _limit(edges: FloatArray, y: FloatArray) -> FloatArray:

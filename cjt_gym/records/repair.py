@@ -23,7 +23,6 @@ from cjt_gym.records.glitches import (
     COMMON,
     LONGEST_FREEZE,
     LONGEST_GLITCH,
-    false_ends,
     frozen,
     glitches,
     held,
@@ -190,9 +189,7 @@ def _marked(columns: Columns, turns: Mapping[str, float]) -> tuple[Columns, list
             repairs += repair
     repairs += _mark_stale(out)
     for name in sorted(set(MEASURED) & set(out)):
-        false = glitches(out[name]) & ~_pulses(name, out)
-        if name.startswith("q_"):
-            false |= false_ends(out[name])
+        false = glitches(out[name], angle=name.startswith("q_")) & ~_pulses(name, out)
         if count := int(false.sum()):
             out[name] = np.where(false, np.nan, out[name])
             repairs.append(_repair("glitch", name, count, len(false), "glitch"))

@@ -22,7 +22,7 @@ from cjt_gym.records import (
     read_record,
     record_names,
 )
-from cjt_gym.records.glitches import false_ends
+from cjt_gym.records.glitches import glitches
 from cjt_gym.records.repair import make_records
 
 Floats = NDArray[np.float64]
@@ -378,9 +378,11 @@ def test_an_angle_that_jumps_at_an_end_of_the_log_is_a_glitch_there(
 ) -> None:
     t = 1e-3 * np.arange(3000)
     angle = np.sin(3.0 * t)
-    assert not false_ends(angle).any()
-    assert not false_ends(np.where(t < 1.5, 0.0, angle - angle[1500])).any()
+    assert not glitches(angle, angle=True).any()
+    assert not glitches(np.where(t < 1.5, 0.0, angle - angle[1500]), angle=True).any()
     off = angle.copy()
     off[place] += 3.0
-    assert np.array_equal(false_ends(off), off != angle)
-    assert false_ends(off).sum() == count
+    found = glitches(off, angle=True)
+    assert np.array_equal(found, off != angle)
+    assert found.sum() == count
+    assert not glitches(off).any()

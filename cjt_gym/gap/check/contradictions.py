@@ -138,8 +138,8 @@ def magnitudes(view: View) -> list[str]:
     if known < UNTOLD or turned > 0.5 * known:
         return []
     return [
-        f"{name} has one sign throughout, though the joint turns both ways, and goes with the "
-        "motion only if it turns with it: it looks like a magnitude. Log it with its sign."
+        f"{name} has one sign throughout, although the joint turns both ways, and matches the "
+        "motion only with the sign of the speed: it looks like a magnitude. Log it with its sign."
     ]
 
 

@@ -78,9 +78,9 @@ def _repairs(view: View) -> list[str]:
         kept = [repair.text for repair in repairs if repair.kind not in told]
         if view.joint is not None:
             _, turned = orient(record, view.joint, view.structure)
-            angles_turned = {f"d{one.channel}" for one in turned if one.kind == "sign"}
+            right = {f"d{one.channel}" for one in turned if one.kind == "sign"}
             noted, kept = (
-                [t for t in some if AGAINST not in t or t.split(":")[0] not in angles_turned]
+                [t for t in some if AGAINST not in t or t.split(":")[0] not in right]
                 for some in (noted, kept)
             )
             known = [text.split(":")[0] for text in kept if AGAINST in text]

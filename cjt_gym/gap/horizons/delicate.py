@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cjt_gym.gap.horizons.fit import MOTION
 from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Term
@@ -27,7 +28,7 @@ MOST = 0.6
 """Largest share of the peak torque that dry friction takes then; on those two logs it takes 0.5 and
 0.67."""
 DRY = ("d_c", "d_s")
-MOTION = "q_m"
+"""How the symbols of dry friction begin."""
 
 
 def is_delicate(windows: Windows, joint: Joint) -> bool:

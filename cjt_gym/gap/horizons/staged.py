@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-
-import numpy as np
+from math import pi
 
 from cjt_gym.gap.check.torque import KNOWN_TORQUE
 from cjt_gym.gap.diagnosis import (
@@ -213,10 +212,8 @@ def _may_be_another(found: Judgement, name: str) -> bool:
     if case.logs[0].drive == "i" or name not in file.effects or other in file.effects:
         return False
     (own,) = (x for x in file.effects[name].values() if isinstance(x, Quantity))
-    (number,) = EFFECTS[other].parameters
-    late = own.number if name == "command_delay" else 1.0 / (2.0 * np.pi * own.number)
-    value = late if other == "command_delay" else 1.0 / (2.0 * np.pi * late)
-    rows = {number.symbol: Quantity(value, number.unit, "as late")}
+    (number,) = EFFECTS[other].parameters  # a lag is as late as its time constant, 1 / (2 pi f)
+    rows = {number.symbol: Quantity(1.0 / (2.0 * pi * own.number), number.unit, "as late")}
     kept = {key: row for key, row in file.effects.items() if key != name}
     joint = as_joint(replace(file, effects={**kept, other: rows}), case)
     one, two = (relative(case.test, case.test.errors(j)) for j in (found.joint, joint))
