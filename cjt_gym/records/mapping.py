@@ -7,7 +7,7 @@ A mapping has a table per column of the record. All of its keys are optional:
                     of a CAN bus ``/Message:Signal``
 `unit`              its unit in the log, one of :data:`cjt_gym.records.units.UNITS`
 `sign`              1 or -1
-`scale`             a further factor, such as that of a sensor
+`scale`             a further factor, such as that of a sensor, or of `t` the length of a tick
 `offset`            what the log shows where the value is zero, in the log's unit
 `side`              "motor" where it is taken before the gear: angles and velocities are divided
                     by `n`, torques multiplied by it
@@ -140,6 +140,8 @@ KEYS: Final = (
     "gain",
     "samples_late",
 )
+OF_TIME: Final = ("source", "unit", "scale")
+"""Keys that `t` may have."""
 LATEST: Final = 1000
 """Rows by which a column may be late at most."""
 
@@ -159,8 +161,10 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
         )
     if wrong := [key for key in given if key not in KEYS]:
         raise RecordError(f"{unknown_name('key', wrong[0], KEYS)} (in {what})")
-    if name == "t" and (wrong := [key for key in given if key not in ("source", "unit")]):
-        raise RecordError(f"{what} may have source and unit only, got {wrong[0]}.")
+    if name == "t" and (wrong := [key for key in given if key not in OF_TIME]):
+        raise RecordError(f"{what} may have source, unit and scale only, got {wrong[0]}.")
+    if name == "t" and _number(f"scale of {what}", given.get("scale", 1.0)) < 0.0:
+        raise RecordError(f"scale of {what} must be > 0, got {given['scale']}.")
     for key in ("source", "unit", "side", "time", "time_unit"):
         if not isinstance(given.get(key, ""), str):
             raise RecordError(f"{key} of {what} must be a string, got {given[key]!r}.")

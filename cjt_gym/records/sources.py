@@ -34,10 +34,16 @@ LARGEST = 2.0**62
 
 @dataclass(frozen=True)
 class Clock:
-    """The time base of a record: a column of the log, if any, and the date of its zero [s]."""
+    """The time base of a record: a column of the log, if any, its unit and the date of its zero.
+
+    Attributes:
+        name: Name of the column.
+        tick: Its unit [s].
+        origin: Date of its zero [s].
+    """
 
     name: str | None
-    unit: str
+    tick: float
     origin: float
 
 
@@ -46,13 +52,14 @@ def clock(mapping: ColumnMapping, table: Table, owner: str) -> Clock:
     if "t" in mapping.columns:
         source = mapping.columns["t"]
         first = _source(mapping, "t", source.source, table, owner)
-        return Clock(source.source, source.log_unit, _origin(first, source.log_unit))
+        return Clock(source.source, source.gain, _origin(first, source.gain))
     names = {clock_of(column.source) for column in mapping.columns.values()} - {None}
     clocks = [name for name in names if name in table]
     if not clocks:
-        return Clock(None, "s", 0.0)
+        return Clock(None, 1.0, 0.0)
     busiest = max(sorted(filter(None, clocks)), key=lambda name: len(table[name]))
-    return Clock(busiest, "ns", _origin(table[busiest], "ns"))
+    tick = UNITS["ns"].factor
+    return Clock(busiest, tick, _origin(table[busiest], tick))
 
 
 def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dict[str, FloatArray]:
@@ -64,7 +71,7 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
     columns: dict[str, FloatArray] = {}
     t = None
     if base.name is not None:
-        t = _seconds(_source(mapping, "t", base.name, table, owner), base.unit, base.origin)
+        t = _seconds(_source(mapping, "t", base.name, table, owner), base.tick, base.origin)
     if t is not None:
         columns["t"] = t
     for name, column in mapping.columns.items():
@@ -75,8 +82,8 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
         own = _own_clock(column, base, table)
         if own is not None and t is not None:
             stamps = _source(mapping, name, own, table, owner)
-            unit = column.time_unit or base.unit
-            values = _on_clock(name, _seconds(stamps, unit, base.origin), values, t)
+            tick = base.tick if column.time_unit is None else UNITS[column.time_unit].factor
+            values = _on_clock(name, _seconds(stamps, tick, base.origin), values, t)
         columns[name] = values
     return columns
 
@@ -129,19 +136,18 @@ def _own_clock(column: ColumnSource, base: Clock, table: Table) -> str | None:
     return alike if alike in table else default
 
 
-def _seconds(stamps: NDArray[Any], unit: str, origin: float) -> FloatArray:
+def _seconds(stamps: NDArray[Any], tick: float, origin: float) -> FloatArray:
     """Return times [s] from an origin; whole numbers lose nothing where they are large."""
-    factor = UNITS[unit].factor
-    if stamps.dtype.kind in "iu" and abs(origin / factor) < LARGEST:
-        start = round(origin / factor)
+    if stamps.dtype.kind in "iu" and abs(origin / tick) < LARGEST:
+        start = round(origin / tick)
         whole = np.asarray(stamps.astype(np.int64) - start, dtype=np.float64)
-        return np.asarray(whole * factor, dtype=np.float64)
-    return np.asarray(np.asarray(stamps, dtype=np.float64) * factor - origin, dtype=np.float64)
+        return np.asarray(whole * tick, dtype=np.float64)
+    return np.asarray(np.asarray(stamps, dtype=np.float64) * tick - origin, dtype=np.float64)
 
 
-def _origin(stamps: NDArray[Any], unit: str) -> float:
+def _origin(stamps: NDArray[Any], tick: float) -> float:
     finite = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps
-    first = float(finite[0]) * UNITS[unit].factor if len(finite) else 0.0
+    first = float(finite[0]) * tick if len(finite) else 0.0
     return first if abs(first) > EPOCH else 0.0
 
 

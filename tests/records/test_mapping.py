@@ -129,6 +129,15 @@ def test_dates_in_nanoseconds_keep_their_resolution(tmp_path: Path) -> None:
     assert abs(record["t"][0]) < 1e-6
 
 
+def test_a_clock_in_ticks_has_their_length(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(
+        "tick,q_m\n" + "".join(f"{4096 + 32 * k},{k}\n" for k in range(4)), encoding="utf-8"
+    )
+    clock = {"source": "tick", "scale": 1.0 / 32768.0}
+    record = read_record(tmp_path / "log.csv", mapping={"columns": {"t": clock, "q_m": {}}})
+    np.testing.assert_allclose(np.diff(record.t), 32.0 / 32768.0, rtol=1e-12)
+
+
 def test_a_channel_with_a_clock_of_its_own(tmp_path: Path) -> None:
     slow = T[::7] + 0.0004
     np.savez(tmp_path / "log.npz", t=T, q=Q, ts=slow * 1e6, tau=np.sin(9.0 * slow), ref=slow)
@@ -173,7 +182,11 @@ BAD = [
     ({"columns": {"q_m": {}}, "strucutre": "x"}, "Did you mean 'structure'"),
     ({"columns": {"q_m": {"source": "pos"}}}, "columns.q_m of the mapping: .*log.csv has no such"),
     ({"columns": {"t": {"source": "time"}}}, "Unknown column 'time'. Did you mean 'time_ms'"),
-    ({"columns": {"t": {"scale": 2}}}, "columns.t of .* may have source and unit only, got scale"),
+    (
+        {"columns": {"t": {"sign": -1}}},
+        "columns.t of .* may have source, unit and scale only, got sign",
+    ),
+    ({"columns": {"t": {"scale": -1}}}, "scale of columns.t of .* must be > 0, got -1"),
     ({"columns": {"i": {"source": "cur_mA"}}}, "must have a column t or a sample time"),
 ]
 
