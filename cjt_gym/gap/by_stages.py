@@ -11,11 +11,9 @@ import numpy as np
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.candidates.nuisances import FRICTION
 from cjt_gym.gap.diagnosis import (
-    EVEN_CHANCE,
     NOTHING_LEFT,
     TOO_FAR_OFF,
     Diagnosis,
-    Interval,
     NamedEffect,
     StageGap,
     Suggestion,
@@ -39,7 +37,7 @@ from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
 from cjt_gym.gap.stages.fit import Fit, Model, Problem
-from cjt_gym.gap.stages.intervals import NORMAL, Covariance, covariance
+from cjt_gym.gap.stages.intervals import Covariance, covariance
 from cjt_gym.gap.stages.lateness import open_instant
 from cjt_gym.gap.stages.leftover import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.gap.stages.select import BEYOND, Progress
@@ -55,23 +53,10 @@ WITHIN = 2.5
 FAR = 3.0
 """Residual within tolerances, as a multiple of noise, above which there is a gap."""
 BOTH_ENDS = "Record torque and angles at both ends of the spring: tau, q_m and q_l."
-BY_ITSELF = "Measure the value that left its tolerance by itself, or correct it and diagnose again."
 BESIDE_SPRING = ("transmission", "sensing", "load")
 """Stages of which no effect is confirmed where spring and load cannot be told apart."""
 KNOWN = 0.7
 """Share of the tolerance within which a fit must determine a datasheet value to refine it."""
-OF_VALUES = {
-    "k_t": ("torque_constant", None),
-    "k_b": ("stiffness", None),
-    "k_g": ("gear_stiffness", None),
-    "I_m": ("inertia", "motor"),
-    "I_g": ("inertia", "gear"),
-    "I_l": ("load_inertia", None),
-    "d_m": ("damping", "motor"),
-    "d_g": ("damping", "gear"),
-    "d_l": ("damping", "load"),
-}
-"""Effect and body of each datasheet value that may be off."""
 MOVED = 0.1
 """Share of the tolerance by which a fit may move it instead; some are only known jointly."""
 COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
@@ -87,13 +72,10 @@ class Staged(NamedTuple):
     Attributes:
         diagnosis: The diagnosis.
         ask: Suggests the next record; None if the stages can tell nothing.
-        far_off: The same with datasheet values named that left their tolerances by little, for
-            where nothing else explains the rest; None if no value did.
     """
 
     diagnosis: Diagnosis
     ask: Ask | None
-    far_off: Diagnosis | None = None
 
 
 def by_stages(
@@ -150,10 +132,7 @@ def _diagnosed(
     replayed = [as_noisy(one, known) for one in replayed]
     source = source_of(file, shape, _records(fitted), _records(tested))
     title = title_of(fitted[0].record)
-    shown = replayed or [known], bool(replayed), source, title
-    diagnosis, ask = _report(explanation, *shown)
-    off = _far_off(explanation)
-    return Staged(diagnosis, ask, _report(explanation, *shown, off)[0] if off else None)
+    return Staged(*_report(explanation, replayed or [known], bool(replayed), source, title))
 
 
 def _explained(
@@ -200,7 +179,6 @@ def _report(
     held_out: bool,
     source: Source,
     record: str,
-    off: tuple[NamedEffect, ...] = (),
 ) -> tuple[Diagnosis, Ask]:
     problem = found.problem
     spread = covariance(problem, found.fit)
@@ -211,8 +189,7 @@ def _report(
     # Without named effects there is no explanation: the nominal joint stays, with its values
     # refined within their tolerances if that leaves no gap.
     explains = bool(named)
-    named = (*off, *named)
-    if not explains and not found.left and not off:
+    if not explains and not found.left:
         found = replace(found, left=_beyond_tolerance(found, problem.mean_square(all_before)))
     refined = explains or not found.left
     fit = found.fit if explains else found.base
@@ -221,7 +198,7 @@ def _report(
     setting = problem.stages.setting
     nominal = Written(_nominal_fields(problem, found.base.z), setting.joint)
     told = _refined(found, fit, spread) if refined else {}
-    shown = [effect for effect in named if effect.name not in MEASURES and effect not in off]
+    shown = [effect for effect in named if effect.name not in MEASURES]
     models = steps(problem, fit, nominal, shown, told, record) if refined else [nominal]
     gap, rungs, replays = measure_gap(settings, models, held_out, shown)
     if not explains and gap.removed < 0.0:
@@ -253,9 +230,6 @@ def _report(
         return cautious(said, problem.stages, held_out)
 
     fields = problem.fields(fit.model, fit.z)
-    if off:
-        own = {symbol for effect in off for symbol in effect.parameters}
-        told = {symbol: row for symbol, row in told.items() if symbol not in own}
     diagnosis = Diagnosis(
         verdict=verdict(len(named), left),
         stages=stages,
@@ -263,7 +237,7 @@ def _report(
         effects=told_by(setting, fields, named),
         gap=gap,
         unexplained=_unexplained(left, said, missing, replayed=bool(hidden)),
-        suggestion=Suggestion(BY_ITSELF if off else ""),
+        suggestion=Suggestion(""),
         seconds=0.0,
         evidence=drawn,
         joint=identified_joint(setting, fields, named, told, record),
@@ -310,37 +284,6 @@ def _beyond_tolerance(found: Explanation, mean_square: Mapping[str, float]) -> t
     )
     text = f"{TOO_FAR_OFF} ({off})" if off else TOO_FAR_OFF
     return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
-
-
-def _far_off(found: Explanation) -> tuple[NamedEffect, ...]:
-    """Return the effects of the datasheet values that left their tolerances and explain the rest.
-
-    They are tentative: each may have left its own because another should have.
-    """
-    if found.fit.model.effects or found.left:
-        return ()
-    stages, within = found.problem.stages, _within_tolerance(found)
-    rest = {name: stages.residual(name, within.fields) for name in stages.names}
-    if not _beyond_tolerance(found, found.problem.mean_square(rest)):
-        return ()
-    spread = covariance(found.problem, found.base)
-    problem, quantities = found.problem, found.problem.stages.setting.joint.parameters.quantities
-    fields, shares = problem.fields(Model(), found.base.z), []
-    for k, (n, z) in enumerate(zip(problem.shared, found.base.z, strict=True)):
-        if n.field not in OF_VALUES or n.field not in quantities or abs(z) <= WITHIN:
-            continue
-        name, body = OF_VALUES[n.field]
-        half = NORMAL * spread.std(k)
-        ends = sorted(n.unknown.value(z + s * half) for s in (-1.0, 1.0))
-        number = Interval(fields[n.field], ends[0], ends[1], quantities[n.field].unit)
-        one = NamedEffect(
-            name, n.stages[0], body, None, {n.field: number}, "tentative", EVEN_CHANCE, 0.0,
-            doubt="it is off by a few tolerances only",
-        )  # fmt: skip
-        shares.append((z * z, one))
-    total = sum(share for share, _ in shares)
-    ordered = sorted(shares, key=lambda pair: -pair[0])
-    return tuple(replace(one, gap_removed=share / total) for share, one in ordered)
 
 
 def _nominal_fields(problem: Problem, z: Floats) -> Fields:

@@ -108,10 +108,6 @@ def diagnose(
             found = allowed_by(_drive_alone(found, first, file, shape), excluded)
         else:
             found = judged(found, given, held, file, shape, progress)
-            bare = found.verdict != "no_gap" and all(e.name in MEASURES for e in found.effects)
-            if bare and staged.far_off is not None:
-                far_off = replace(staged.far_off, examination=exam)
-                found = judged(far_off, given, held, file, shape, progress)
             known = any("i" in one for one in given)
             found = at_the_floor(found, replace(file, structure=shape.name), measured=known)
         remarks += unlisted(file, found.joint, [e.name for e in found.effects])

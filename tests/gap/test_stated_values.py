@@ -11,12 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.by_stages import Staged, by_stages
 from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.recorded.tolerances import strained
 from cjt_gym.gap.stages.kernel import smooth_speed
 from cjt_gym.gap.stages.smoothing import with_smoothing
-from cjt_gym.joint import Joint, JointFile, get_structure
 from cjt_gym.joint.quantity import Quantity
 from tests.gap.bench import STRUCTURE, joint_of, record_of
 from tests.gap.simulator import nominal
@@ -103,29 +101,14 @@ def test_nothing_else_is_blamed_for_listed_friction_within_its_tolerance(
 @pytest.mark.parametrize(
     ("symbol", "factor", "name"), [("k_t", 0.89, "torque_constant"), ("d_m", 1.8, "damping")]
 )
-def test_the_stages_name_a_value_that_left_its_tolerance_by_little_if_nothing_else_explains(
+def test_a_value_that_left_its_tolerance_by_little_is_named(
     tmp_path: Path, symbol: str, factor: float, name: str
 ) -> None:
     sheet = joint_of(tmp_path)
     value = factor * sheet.parameters.get(symbol, 0.0)
-    true = joint_of(tmp_path, parameters={symbol: value})
-    found = staged(true, sheet.file)
-    assert found.far_off is not None
-    assert found.far_off.verdict == "explained"
-    assert [(e.name, e.status) for e in found.far_off.effects] == [(name, "tentative")]
-    assert found.far_off.effects[0].parameters[symbol].value == pytest.approx(value, rel=0.02)
-    assert "by itself" in found.far_off.suggestion.text
-    known = found.far_off.joint.effects[name][symbol]
-    assert known.number == pytest.approx(value, rel=0.02)  # type: ignore[union-attr]
-    assert staged(sheet, sheet.file).far_off is None
-
-
-def staged(true: Joint, sheet: JointFile) -> Staged:
-    """Return what the stages say of a record of a joint by a datasheet."""
-    structure = get_structure(STRUCTURE)
-    return by_stages(
-        stretches([record_of(true)]), [], sheet, structure, lambda _: None, turnable=False
-    )
+    found = diagnose(record_of(joint_of(tmp_path, parameters={symbol: value})), sheet)
+    assert (found.verdict, [e.name for e in found.effects]) == ("explained", [name])
+    assert found.effects[0].parameters[symbol].value == pytest.approx(value, rel=0.02)
 
 
 @pytest.mark.slow
