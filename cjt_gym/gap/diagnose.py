@@ -17,9 +17,9 @@ from cjt_gym.gap.check.energy import NOT_THE_INPUT
 from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, REFLECTED, SCALES, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import ENOUGH, Diagnosis, Suggestion
-from cjt_gym.gap.horizons.allowed import allowed_by
-from cjt_gym.gap.horizons.answer import at_the_floor, judged, title_of
-from cjt_gym.gap.horizons.model import MEASURES
+from cjt_gym.gap.horizons.findings.answer import at_the_floor, judged, title_of
+from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
+from cjt_gym.gap.horizons.prediction.model import MEASURES
 from cjt_gym.gap.joint_file import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.bridged import bridged

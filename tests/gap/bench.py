@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.records import Record, default_units
 

@@ -9,7 +9,7 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.diagnosis import Diagnosis
-from cjt_gym.gap.horizons.model import MEASURES, quiet
+from cjt_gym.gap.horizons.prediction.model import MEASURES, quiet
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, default_units
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.fit import Fit
-from cjt_gym.gap.horizons.grow import added
-from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.spread import _of_scale
+from cjt_gym.gap.horizons.fitting.fit import Fit
+from cjt_gym.gap.horizons.fitting.terms import candidates, scales_of
+from cjt_gym.gap.horizons.fitting.uncertainty import _of_scale
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.model import Model
+from cjt_gym.gap.horizons.selection.stepwise import added
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity

@@ -7,8 +7,8 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check.examine import examine
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.windows import HORIZONS
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS
 from cjt_gym.gap.recorded.bridged import LONGEST, bridged
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record

@@ -11,15 +11,15 @@ from scipy.signal import savgol_filter
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.pieces import ORDER, smooth
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.drive import fit_drive
-from cjt_gym.gap.horizons.held import held_alike
-from cjt_gym.gap.horizons.judgement import Judgement, Row
-from cjt_gym.gap.horizons.log import to_log
-from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
-from cjt_gym.gap.horizons.windows import WHOLE, Piece
+from cjt_gym.gap.horizons.findings.held_output import held_alike
+from cjt_gym.gap.horizons.findings.verdict import unexplained_of, verdict_of
+from cjt_gym.gap.horizons.fitting.terms import candidates, scales_of
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.drive import fit_drive
+from cjt_gym.gap.horizons.prediction.log import to_log
+from cjt_gym.gap.horizons.prediction.model import quiet
+from cjt_gym.gap.horizons.prediction.windows import WHOLE, Piece
+from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
 from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.parameters import JointParameters

@@ -12,8 +12,8 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Interval
-from cjt_gym.gap.horizons.allowed import allowed_by
-from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
+from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fit import Model, Problem

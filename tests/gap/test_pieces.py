@@ -11,7 +11,7 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.clock import clock
-from cjt_gym.gap.horizons.worth import LOUDLY, Worth
+from cjt_gym.gap.horizons.selection.worth import LOUDLY, Worth
 from cjt_gym.gap.recorded.series import BRIEF, ENOUGH, stretches
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.records import Record, read_log, read_record

@@ -9,11 +9,11 @@ import pytest
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.forward import Forecast
-from cjt_gym.gap.horizons.log import to_log, to_logs
-from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.windows import relative
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.forward import Forecast
+from cjt_gym.gap.horizons.prediction.log import to_log, to_logs
+from cjt_gym.gap.horizons.prediction.model import quiet
+from cjt_gym.gap.horizons.prediction.windows import relative
 from cjt_gym.gap.recorded.missing import twins, undecided
 from cjt_gym.gap.recorded.noise import channel_noise
 from cjt_gym.gap.recorded.series import stretches, to_series

@@ -12,13 +12,13 @@ import pytest
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.judgement import Judgement, Row
-from cjt_gym.gap.horizons.model import Draft, drafted
-from cjt_gym.gap.horizons.predictable import Predictable
-from cjt_gym.gap.horizons.refined import corrected
-from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
+from cjt_gym.gap.horizons.findings.corrected_values import corrected
+from cjt_gym.gap.horizons.findings.verdict import unexplained_of, verdict_of
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.model import Draft, drafted
+from cjt_gym.gap.horizons.prediction.predictable import Predictable
+from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
+from cjt_gym.gap.horizons.torque.baseline import least_squares
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.joint import get_structure, to_toml
 from cjt_gym.records import Record, read_record

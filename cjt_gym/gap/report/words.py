@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from cjt_gym.gap.diagnosis import Diagnosis, GapSize, Horizon, Interval, NamedEffect
 from cjt_gym.gap.evidence import Regime
-from cjt_gym.gap.horizons.model import MEASURES
+from cjt_gym.gap.horizons.prediction.model import MEASURES
 
 VERDICTS: Mapping[str, str] = {
     "no_gap": "No gap",

@@ -12,7 +12,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import Examination, examine
 from cjt_gym.gap.check.drive import MEASURE
 from cjt_gym.gap.check.examine import _once
-from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.quantity import Quantity

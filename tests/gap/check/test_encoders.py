@@ -10,7 +10,7 @@ import pytest
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.encoders import angles_in_step, late_angle
 from cjt_gym.gap.check.view import View
-from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.records import Record
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.judgement import Judgement
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.joint import JointFile, Quantity, get_structure
 from cjt_gym.records import Record
 

@@ -13,16 +13,20 @@ import pytest
 from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
-from cjt_gym.gap.horizons.allowed import allowed_by
-from cjt_gym.gap.horizons.answer import _with_elsewhere
-from cjt_gym.gap.horizons.case import Case, as_joint, make_case
-from cjt_gym.gap.horizons.drive import DriveFit
-from cjt_gym.gap.horizons.judgement import Judgement, Row
-from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.predictable import Predictable
-from cjt_gym.gap.horizons.refined import gave_way
-from cjt_gym.gap.horizons.staged import _may_be_another, _with_stated_value, with_late_drive
-from cjt_gym.gap.horizons.tell import marked, without_late_drive
+from cjt_gym.gap.horizons.findings.answer import _with_elsewhere
+from cjt_gym.gap.horizons.findings.as_diagnosis import marked, without_late_drive
+from cjt_gym.gap.horizons.findings.corrected_values import gave_way
+from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
+from cjt_gym.gap.horizons.findings.stages_kept import (
+    _may_be_another,
+    _with_stated_value,
+    with_late_drive,
+)
+from cjt_gym.gap.horizons.prediction.case import Case, as_joint, make_case
+from cjt_gym.gap.horizons.prediction.drive import DriveFit
+from cjt_gym.gap.horizons.prediction.model import quiet
+from cjt_gym.gap.horizons.prediction.predictable import Predictable
+from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
 from cjt_gym.joint import get_structure, load_joint
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.parameters import JointParameters

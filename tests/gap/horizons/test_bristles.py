@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.judge import judge
-from cjt_gym.gap.horizons.named import effects_of
+from cjt_gym.gap.horizons.findings.naming import effects_of
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.selection.judge import judge
 from cjt_gym.gap.stages.select import silent
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.parameters import JointParameters

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from cjt_gym.gap.horizons.choice import (
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS, WHOLE, Key
+from cjt_gym.gap.horizons.selection.choice import (
     WORSE_AT_FIRST,
     WORSE_AT_ONCE,
     WORSE_BY_CHANCE,
@@ -12,7 +13,6 @@ from cjt_gym.gap.horizons.choice import (
     _forgiven,
     _of_the_start,
 )
-from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, Key
 
 NEAR, MIDDLE, FAR = HORIZONS
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.by_torque import told_by_torque
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.inverse import (
+from cjt_gym.gap.horizons.findings.by_torque import told_by_torque
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.selection.judge import _misses_wave
+from cjt_gym.gap.horizons.selection.judgement import Judgement
+from cjt_gym.gap.horizons.torque.inverse import (
     seen_in_torque,
     spent,
 )
-from cjt_gym.gap.horizons.judge import _misses_wave
-from cjt_gym.gap.horizons.judgement import Judgement
-from cjt_gym.gap.horizons.over_angle import over_angle
+from cjt_gym.gap.horizons.torque.over_angle import over_angle
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.parameters import JointParameters

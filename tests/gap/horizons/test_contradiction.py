@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.case import late, make_case
-from cjt_gym.gap.horizons.contradiction import contradicted
-from cjt_gym.gap.horizons.model import Draft, drafted
-from cjt_gym.gap.horizons.windows import relative
+from cjt_gym.gap.horizons.prediction.case import late, make_case
+from cjt_gym.gap.horizons.prediction.model import Draft, drafted
+from cjt_gym.gap.horizons.prediction.windows import relative
+from cjt_gym.gap.horizons.selection.contradiction import contradicted
 from cjt_gym.joint import get_structure
 from tests.gap.horizons.rotor import DAMPING, DRY, INERTIA, datasheet, record, right_datasheet
 

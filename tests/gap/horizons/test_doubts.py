@@ -13,27 +13,27 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
-from cjt_gym.gap.horizons.base_rows import base_terms, freed
-from cjt_gym.gap.horizons.case import Case, make_case
-from cjt_gym.gap.horizons.choice import _loses, best_of, sound_stages
-from cjt_gym.gap.horizons.fit import Fit, Problem
-from cjt_gym.gap.horizons.found import Found
-from cjt_gym.gap.horizons.grow import added
-from cjt_gym.gap.horizons.held import held_alike
-from cjt_gym.gap.horizons.inverse import seen_in_torque
-from cjt_gym.gap.horizons.judgement import NEAR, Judgement, Row
-from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.nameable import is_named, may_be_as_stated
-from cjt_gym.gap.horizons.named import _is_dry
-from cjt_gym.gap.horizons.predictable import Predictable
-from cjt_gym.gap.horizons.rows import _torque_sensor, candidates, scales_of
-from cjt_gym.gap.horizons.scatter import Scatter
-from cjt_gym.gap.horizons.spent import Spent
-from cjt_gym.gap.horizons.spread import Spread
-from cjt_gym.gap.horizons.verdict import unexplained_of, verdict_of
-from cjt_gym.gap.horizons.windows import WHOLE
-from cjt_gym.gap.horizons.worth import Worth
-from cjt_gym.gap.horizons.write import _torn
+from cjt_gym.gap.horizons.findings.held_output import held_alike
+from cjt_gym.gap.horizons.findings.joint_file import _torn
+from cjt_gym.gap.horizons.findings.naming import _is_dry
+from cjt_gym.gap.horizons.findings.naming_rules import is_named, may_be_as_stated
+from cjt_gym.gap.horizons.findings.verdict import unexplained_of, verdict_of
+from cjt_gym.gap.horizons.fitting.base_terms import base_terms, freed
+from cjt_gym.gap.horizons.fitting.covariance import Scatter
+from cjt_gym.gap.horizons.fitting.fit import Fit, Problem
+from cjt_gym.gap.horizons.fitting.terms import _torque_sensor, candidates, scales_of
+from cjt_gym.gap.horizons.fitting.uncertainty import Spread
+from cjt_gym.gap.horizons.prediction.case import Case, make_case
+from cjt_gym.gap.horizons.prediction.model import Model
+from cjt_gym.gap.horizons.prediction.predictable import Predictable
+from cjt_gym.gap.horizons.prediction.windows import WHOLE
+from cjt_gym.gap.horizons.selection.choice import _loses, best_of, sound_stages
+from cjt_gym.gap.horizons.selection.judgement import NEAR, Judgement, Row
+from cjt_gym.gap.horizons.selection.search_result import Found
+from cjt_gym.gap.horizons.selection.stepwise import added
+from cjt_gym.gap.horizons.selection.worth import Worth
+from cjt_gym.gap.horizons.torque.cross_validated import Spent
+from cjt_gym.gap.horizons.torque.inverse import seen_in_torque
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.case import make_case, sharp
-from cjt_gym.gap.horizons.judge import judge
-from cjt_gym.gap.horizons.model import quiet
-from cjt_gym.gap.horizons.windows import relative
+from cjt_gym.gap.horizons.prediction.case import make_case, sharp
+from cjt_gym.gap.horizons.prediction.model import quiet
+from cjt_gym.gap.horizons.prediction.windows import relative
+from cjt_gym.gap.horizons.selection.judge import judge
 from cjt_gym.joint import Joint, get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.records import Record

@@ -8,7 +8,7 @@ import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.diagnosis import Horizon, Interval, NamedEffect
-from cjt_gym.gap.horizons.answer import at_the_floor
+from cjt_gym.gap.horizons.findings.answer import at_the_floor
 from tests.gap.horizons.rotor import datasheet, record
 
 FLOOR = 0.05

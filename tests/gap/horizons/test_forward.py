@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.forward import CHANNELS, FEWEST, Forecast
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.forward import CHANNELS, FEWEST, Forecast
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record
 

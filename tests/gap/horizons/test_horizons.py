@@ -7,23 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import cjt_gym.gap.horizons.search as search_of
+import cjt_gym.gap.horizons.selection.search as search_of
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.horizons.base_rows import base_terms, freed
-from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.case import Case, late, make_case
-from cjt_gym.gap.horizons.fit import Fit, Problem
-from cjt_gym.gap.horizons.found import Found
-from cjt_gym.gap.horizons.grow import added, allowed, is_needed
-from cjt_gym.gap.horizons.judgement import Judgement, Row
-from cjt_gym.gap.horizons.log import to_log
-from cjt_gym.gap.horizons.model import Draft, Model, drafted
-from cjt_gym.gap.horizons.named import _levelled
-from cjt_gym.gap.horizons.predictable import Predictable
-from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.search import search
-from cjt_gym.gap.horizons.staged import _doubted
-from cjt_gym.gap.horizons.windows import relative, worse
+from cjt_gym.gap.horizons.findings.naming import _levelled
+from cjt_gym.gap.horizons.findings.stages_kept import _doubted
+from cjt_gym.gap.horizons.fitting.base_terms import base_terms, freed
+from cjt_gym.gap.horizons.fitting.fit import Fit, Problem
+from cjt_gym.gap.horizons.fitting.terms import candidates, scales_of
+from cjt_gym.gap.horizons.prediction.case import Case, late, make_case
+from cjt_gym.gap.horizons.prediction.log import to_log
+from cjt_gym.gap.horizons.prediction.model import Draft, Model, drafted
+from cjt_gym.gap.horizons.prediction.predictable import Predictable
+from cjt_gym.gap.horizons.prediction.windows import relative, worse
+from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
+from cjt_gym.gap.horizons.selection.search import search
+from cjt_gym.gap.horizons.selection.search_result import Found
+from cjt_gym.gap.horizons.selection.stepwise import added, allowed, is_needed
+from cjt_gym.gap.horizons.torque.baseline import least_squares
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.diagnosed import covariance_of
 from cjt_gym.joint.joint import Joint

@@ -9,10 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.bristles import bent, ways
-from cjt_gym.gap.horizons.by_torque import beside_torque, told_by_torque
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.inverse import (
+from cjt_gym.gap.horizons.findings.by_torque import beside_torque, told_by_torque
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.selection.judgement import Judgement
+from cjt_gym.gap.horizons.torque.bristles import bent, ways
+from cjt_gym.gap.horizons.torque.cross_validated import CLEAR, gain, steady_gain
+from cjt_gym.gap.horizons.torque.inverse import (
     DRAGS,
     ONE_WAY,
     drag_law,
@@ -21,8 +23,6 @@ from cjt_gym.gap.horizons.inverse import (
     seen_in_torque,
     spent,
 )
-from cjt_gym.gap.horizons.judgement import Judgement
-from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, Quantity, get_structure
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record

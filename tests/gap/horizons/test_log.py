@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.base_rows import base_terms
-from cjt_gym.gap.horizons.case import by_angle, make_case
-from cjt_gym.gap.horizons.fit import Problem
-from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
-from cjt_gym.gap.horizons.instants import lateness
-from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.rows import scales_of
-from cjt_gym.gap.horizons.windows import relative
+from cjt_gym.gap.horizons.fitting.base_terms import base_terms
+from cjt_gym.gap.horizons.fitting.fit import Problem
+from cjt_gym.gap.horizons.fitting.input_instants import lateness
+from cjt_gym.gap.horizons.fitting.terms import scales_of
+from cjt_gym.gap.horizons.prediction.case import by_angle, make_case
+from cjt_gym.gap.horizons.prediction.forward import CHANNELS, Forecast
+from cjt_gym.gap.horizons.prediction.model import Model
+from cjt_gym.gap.horizons.prediction.windows import relative
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.joint import Joint

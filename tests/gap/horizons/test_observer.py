@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from cjt_gym.gap.horizons.forward import CHANNELS, Forecast
-from cjt_gym.gap.horizons.log import Log, to_log
-from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.prediction.forward import CHANNELS, Forecast
+from cjt_gym.gap.horizons.prediction.log import Log, to_log
+from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.joint import Joint, JointFile, get_structure
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record

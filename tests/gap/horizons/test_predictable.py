@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.case import Case, make_case
-from cjt_gym.gap.horizons.forward import Forecast
-from cjt_gym.gap.horizons.predictable import left, predictable, torques
+from cjt_gym.gap.horizons.prediction.case import Case, make_case
+from cjt_gym.gap.horizons.prediction.forward import Forecast
+from cjt_gym.gap.horizons.prediction.predictable import left, predictable, torques
 from cjt_gym.joint import JointFile, get_structure
 from tests.gap.horizons.rotor import datasheet, record, right_datasheet
 

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.base_rows import base_terms
-from cjt_gym.gap.horizons.by_torque import NOT_HELD, NOT_PREDICTED, told_by_torque
-from cjt_gym.gap.horizons.case import Case, make_case
-from cjt_gym.gap.horizons.choice import best_of, is_no_worse
-from cjt_gym.gap.horizons.fit import Problem
-from cjt_gym.gap.horizons.found import Found
-from cjt_gym.gap.horizons.inverse import seen_in_torque
-from cjt_gym.gap.horizons.judgement import NEAR, Judgement, Row
-from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.search import search
-from cjt_gym.gap.horizons.tell import _beside
+from cjt_gym.gap.horizons.findings.as_diagnosis import _beside
+from cjt_gym.gap.horizons.findings.by_torque import NOT_HELD, NOT_PREDICTED, told_by_torque
+from cjt_gym.gap.horizons.fitting.base_terms import base_terms
+from cjt_gym.gap.horizons.fitting.fit import Problem
+from cjt_gym.gap.horizons.fitting.terms import candidates, scales_of
+from cjt_gym.gap.horizons.prediction.case import Case, make_case
+from cjt_gym.gap.horizons.prediction.model import Model
+from cjt_gym.gap.horizons.selection.choice import best_of, is_no_worse
+from cjt_gym.gap.horizons.selection.judgement import NEAR, Judgement, Row
+from cjt_gym.gap.horizons.selection.search import search
+from cjt_gym.gap.horizons.selection.search_result import Found
+from cjt_gym.gap.horizons.torque.inverse import seen_in_torque
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
 from tests.gap.horizons.rotor import DRY, datasheet, record

@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import cjt_gym.gap.horizons.judge as judge_of
-import cjt_gym.gap.horizons.search as search_of
-from cjt_gym.gap.horizons.base_rows import base_terms, freed
-from cjt_gym.gap.horizons.case import make_case
-from cjt_gym.gap.horizons.fit import Fit, Problem, _updated
-from cjt_gym.gap.horizons.found import Found, worths_of
-from cjt_gym.gap.horizons.grow import added, leaves
-from cjt_gym.gap.horizons.model import Model, Term
-from cjt_gym.gap.horizons.named import _strained
-from cjt_gym.gap.horizons.rivals import rivals_of
-from cjt_gym.gap.horizons.rows import candidates, scales_of
-from cjt_gym.gap.horizons.search import _is_seen_throughout, pruned, search
-from cjt_gym.gap.horizons.starts import _one_by_one
-from cjt_gym.gap.horizons.worth import Worth
+import cjt_gym.gap.horizons.selection.judge as judge_of
+import cjt_gym.gap.horizons.selection.search as search_of
+from cjt_gym.gap.horizons.findings.naming import _strained
+from cjt_gym.gap.horizons.fitting.base_terms import base_terms, freed
+from cjt_gym.gap.horizons.fitting.fit import Fit, Problem, _updated
+from cjt_gym.gap.horizons.fitting.terms import candidates, scales_of
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.model import Model, Term
+from cjt_gym.gap.horizons.selection.rivals import rivals_of
+from cjt_gym.gap.horizons.selection.search import _is_seen_throughout, pruned, search
+from cjt_gym.gap.horizons.selection.search_result import Found, worths_of
+from cjt_gym.gap.horizons.selection.starts import _one_by_one
+from cjt_gym.gap.horizons.selection.stepwise import added, leaves
+from cjt_gym.gap.horizons.selection.worth import Worth
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
@@ -114,7 +114,7 @@ def test_derivatives_that_are_updated_lead_to_the_same_fit_with_less_work(
     start = added(base, terms["coulomb"], terms["coulomb"].starts[0])
     quick, slow = replace(problem, work=0), replace(problem, work=0)
     one = quick.fit(*start)
-    monkeypatch.setattr("cjt_gym.gap.horizons.fit._updated", lambda *_: None)
+    monkeypatch.setattr("cjt_gym.gap.horizons.fitting.fit._updated", lambda *_: None)
     other = slow.fit(*start)
     assert one.cost == pytest.approx(other.cost, abs=0.5)
     assert quick.work < slow.work

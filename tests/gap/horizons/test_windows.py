@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.log import Log, to_log
-from cjt_gym.gap.horizons.pieces import cut, split
-from cjt_gym.gap.horizons.windows import HORIZONS, make_windows, samples
+from cjt_gym.gap.horizons.prediction.log import Log, to_log
+from cjt_gym.gap.horizons.prediction.pieces import cut, split
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS, make_windows, samples
 from cjt_gym.joint import get_structure
 from tests.gap.horizons.rotor import DT, datasheet, record
 

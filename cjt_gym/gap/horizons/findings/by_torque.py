@@ -1,0 +1,167 @@
+"""Effects found by a regression of the torque on the motion, beside the search over horizons.
+
+A search over horizons needs effects that change the motion in many pieces of a record. A regression
+of the torque shows where the torque goes whenever the joint moves, whatever moves it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from scipy.stats import t as student
+
+from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
+from cjt_gym.gap.horizons.fitting.terms import HEAVIEST, scales_of
+from cjt_gym.gap.horizons.prediction.model import Term, motor_inertia
+from cjt_gym.gap.horizons.selection.judgement import Judgement
+from cjt_gym.gap.horizons.torque.cross_validated import BLOCKS, Spent
+from cjt_gym.gap.horizons.torque.inverse import inverse
+from cjt_gym.joint import EFFECTS, Joint
+from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.effects import friction
+
+HELD = (
+    "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
+    "effects and their numbers come from a regression of the torque on the motion; the joint file "
+    "has what predicts the motion best."
+)
+"""Message used when effects are identified from the torque alone."""
+NOT_PREDICTED = "the torque shows it, predictions of the motion do not"
+NOT_HELD = "torque and motion of the fitted record show it, the held-out record does not"
+"""Doubts of effects that the torque shows."""
+SYMBOLS = {
+    "damping": ("d_m",),
+    "coulomb": ("d_cm",),
+    "presliding": ("d_cm", "sigma_m"),
+    "torque_offset": ("torque",),
+    "cogging": ("f", "a", "b"),
+}
+BODIES = {"damping": "motor", "coulomb": "motor", "presliding": "motor", "gravity": "load"}
+"""Symbols and bodies of the effects that a torque regression can show."""
+EITHER: Mapping[str, tuple[str, ...]] = {
+    "coulomb_asym": ("coulomb", "torque_offset"),
+    "torque_offset": ("coulomb_asym",),
+    "viscous_asym": ("coulomb_asym", "torque_offset"),
+    "cogging": ("gear_ripple",),
+}
+"""Explanations that are (nearly) equivalent while a joint moves: none of them is confirmed."""
+DRY = friction.DRY | {"load_friction"}
+"""Laws of dry friction; a regression sees only the plain one."""
+SAME: Mapping[str, frozenset[str]] = {
+    "damping": frozenset({"viscous_asym"}),
+    "coulomb": DRY,
+    "presliding": DRY,
+    "torque_offset": frozenset({"coulomb_asym", "viscous_asym", "gravity"}),
+    "gravity": frozenset({"torque_offset"}),
+    "cogging": frozenset(),
+}
+"""For each effect that the torque shows, effects that already account for it or its remainder."""
+FRICTION = frozenset({"damping", "coulomb", "presliding"})
+"""Laws that only oppose the motion. Where one of them is negative something else moves the joint,
+as the other joints of an arm do, and the other is not friction either."""
+AGREES = 0.5
+"""Relative difference up to which a fit and a regression agree."""
+LEAST = 1e-3
+"""Lower limit of a regression's inertia, relative to the datasheet's."""
+
+
+def either(name: str, joint: Joint) -> tuple[str, ...]:
+    """Return the explanations that are nearly equivalent to one; a direct drive has no teeth."""
+    geared = joint.structure_row.has_gear or joint.parameters.n != 1.0
+    return tuple(n for n in EITHER.get(name, ()) if geared or n != "gear_ripple")
+
+
+def agrees(one: Spent | None, values: Sequence[float]) -> bool:
+    """Return whether a fit and a regression agree on the size of an effect."""
+    if one is None or len(one.values) != len(values):
+        return False
+    return math.dist(one.values[-2:], values[-2:]) < AGREES * one.size  # of cogging no frequency
+
+
+def is_guessed(name: str, joint: Joint) -> bool:
+    """Return whether an effect is no more than a guess of the datasheet, which is corrected."""
+    known = (joint.parameters.quantities.get(s) for s in SYMBOLS.get(name, ()))
+    return any(q is not None and q.guess for q in known)
+
+
+def _covered(name: str, seen: Mapping[str, Spent]) -> bool:
+    """Return whether a regression of the torque shows an effect or an equivalent one."""
+    return any(name in {one, *SAME[one]} for one in seen)
+
+
+def told_by_torque(
+    judged: Judgement, seen: Mapping[str, Spent], named: Sequence[NamedEffect], *, alone: bool
+) -> tuple[NamedEffect, ...]:
+    """Return effects that the torque shows and that are not named yet, all of them tentative.
+
+    Args:
+        judged: The judgement.
+        seen: Effects found by the regression.
+        named: Effects that are named already.
+        alone: Whether the torque is the only evidence, as nothing predicts the motion.
+    """
+    names = {e.name for e in named}
+    found: list[NamedEffect] = []
+    joint = judged.case.joint
+    refuted = {} if judged.found is None else judged.found.refuted
+    driven = any(one.name in FRICTION and one.values[0] < 0.0 for one in seen.values())
+    heaviest = HEAVIEST * scales_of(joint, judged.case.logs).peak
+    for one in sorted(seen.values(), key=lambda s: -s.share):
+        taken = names | {e.name for e in found}
+        if taken & {one.name, *SAME[one.name]} or (driven and one.name in FRICTION):
+            continue
+        if one.name == "gravity" and math.hypot(*one.values) > heaviest:
+            continue  # over a short travel it stands for something that gives way
+        if not alone and is_guessed(one.name, joint):
+            continue
+        found.append(
+            NamedEffect(
+                one.name, EFFECTS[one.name].stage, BODIES.get(one.name), None,
+                _numbers(one, joint), "tentative", EVEN_CHANCE,
+                one.share if alone else 0.0, either(one.name, joint),
+                doubt=NOT_PREDICTED if alone or one.name not in refuted else NOT_HELD,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def beside_torque(
+    judged: Judgement, seen: Mapping[str, Spent], named: Sequence[NamedEffect]
+) -> tuple[NamedEffect, ...]:
+    """Return the named effects of which the torque tells neither them nor an equivalent."""
+    tells = {e.name: seen[e.name] for e in told_by_torque(judged, seen, (), alone=True)}
+    return tuple(e for e in named if not _covered(e.name, tells))
+
+
+def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:
+    """Return an effect's parameters with their 95 % intervals."""
+    times = float(student.ppf(0.975, BLOCKS - 1))
+    if one.name == "gravity":
+        a, b = one.values  # the load needs a cos q + b sin q
+        size, half = max(math.hypot(a, b), 1e-12), times * max(one.deviations)
+        numbers = {"torque": (size, half), "angle": (-math.atan2(a, b), half / size)}
+    else:
+        symbols = SYMBOLS[one.name]
+        pairs = zip(one.values, one.deviations, strict=True)
+        numbers = {s: (x, times * d) for s, (x, d) in zip(symbols, pairs, strict=True)}
+    return {s: _interval(one.name, s, x, half, joint) for s, (x, half) in numbers.items()}
+
+
+def _interval(effect: str, symbol: str, value: float, half: float, joint: Joint) -> Interval:
+    parameter = EFFECTS[effect].parameter(symbol)
+    assert parameter is not None
+    return Interval(value, value - half, value + half, unit_on(parameter, joint.parameters))
+
+
+def inertia_by_torque(judged: Judgement, term: Term) -> list[float]:
+    """Return inertia factors from regressions of the torque; empty for any other term.
+
+    Acceleration noise biases these estimates low and torque noise biases those of predictions
+    high: where a controller keeps the motion smooth, the two may be far apart.
+    """
+    if term.name != "inertia":
+        return []
+    total = motor_inertia(judged.case.joint)
+    found = [one.inertia / total for one in inverse(judged.case.joint, judged.case.logs)]
+    return [max(factor, LEAST) for factor in found]

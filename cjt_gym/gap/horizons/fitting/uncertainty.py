@@ -1,0 +1,163 @@
+"""Uncertainty of a fit's numbers, from the scatter of its gradient over pieces of the record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.horizons.fitting.datasheet import inertias_at
+from cjt_gym.gap.horizons.fitting.fit import LEAST, Fit, Problem, bounded
+from cjt_gym.gap.horizons.prediction.model import Model, Term
+from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
+from cjt_gym.joint import EFFECTS
+from cjt_gym.joint.effect_entries import unit_on
+
+Floats = NDArray[np.float64]
+INTERVAL = 0.95
+BENT = 0.05
+"""Difference between the slopes to either side, relative to the larger or the usual one, from
+which a window jumps. Of smooth ones most differ by 0.002."""
+SCALED = frozenset({"N m", "N m s/rad", "N m/rad", "N m/rad^3", "kg m^2"})
+"""Units of the numbers that are in proportion to the torque of a motor."""
+USUAL = 0.1
+"""Relative tolerance of a resistance that states none: copper warms by 25 K for a tenth."""
+KEPT = 0.2
+"""Share of the windows, the least bent ones, that determine values even if all of them jump."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Covariance of the coordinates of a fit.
+
+    Attributes:
+        fit: The fit.
+        matrix: Covariance, shape (n, n).
+        factor: Half width of an interval, in standard deviations.
+    """
+
+    fit: Fit
+    matrix: Floats
+    factor: float
+
+    @property
+    def model(self) -> Model:
+        """The model that was fitted."""
+        return self.fit.model
+
+    def intervals(self, index: int) -> dict[str, Interval]:
+        """Return the numbers of a term with their 95 % intervals."""
+        term, span = self.model.terms[index], self.model.span(index)
+        found = {}
+        for number, at in zip(term.numbers, range(span.start, span.stop), strict=True):
+            half = self.factor * float(np.sqrt(max(self.matrix[at, at], 0.0)))
+            z = float(self.fit.z[at])
+            ends = sorted(self.stated(term, number.value(z + s * half)) for s in (-1.0, 1.0))
+            value = self.stated(term, number.value(z))
+            found[number.symbol] = Interval(value, ends[0], ends[1], self._unit(term, number))
+        return found
+
+    def stated(self, term: Term, value: float) -> float:
+        """Return a fitted number as a joint file states it: the rotor's inertia, not a factor."""
+        if term.name != "inertia":
+            return value
+        return inertias_at(self.model.joint, value)["I_m"]
+
+    def _unit(self, term: Term, number: Number) -> str:
+        """Return the unit of a number for the joint; N instead of N m if prismatic."""
+        parameter = EFFECTS[term.name].parameter(number.symbol)
+        if parameter is None:
+            return number.unit
+        return unit_on(parameter, self.model.joint.parameters)
+
+
+def spread_of(problem: Problem, fit: Fit) -> Spread:
+    """Return the "sandwich" covariance of a fit: curvature corrected by its gradient's scatter.
+
+    Each piece of the record counts as one observation, so that correlated errors within a piece do
+    not make the numbers look more certain than they are.
+    """
+    jacobian = _slopes(problem, fit)
+    hessian, _ = problem.normal(fit.model, fit.z, fit.errors, jacobian)
+    size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
+    scores, there = np.zeros((size, len(fit.z))), np.zeros(size, dtype=bool)
+    moving = problem.windows.moving
+    for key, e, j, moves in zip(problem.windows.keys, fit.errors, jacobian, moving, strict=True):
+        amount, share = bounded(e, moves)
+        factor = 2.0 * problem.strength * problem.weight(key)
+        factor /= (float(np.mean(amount)) + LEAST**2) * e.size
+        each = factor * np.einsum("wp,wpn->wn", e * share[:, None], j)
+        pieces = problem.windows.pieces(key)
+        np.add.at(scores, pieces, each)
+        there[pieces] = True
+    scores = scores[there]
+    count = len(scores)
+    known = np.diag([float(n.prior) for n in fit.model.numbers])
+    middle = scores.T @ scores * count / max(count - 1, 1) + known
+    inverse = np.linalg.pinv(hessian)
+    factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
+    matrix, logs = inverse @ middle @ inverse, problem.windows.logs
+    if not any("tau" in log.measured or np.any(log.load) for log in logs):
+        matrix += _of_scale(fit, voltage=logs[0].voltage)
+    return Spread(fit, matrix, factor)
+
+
+def _of_scale(fit: Fit, *, voltage: bool) -> Floats:
+    """Return the covariance that one common ratio of all torques adds where none is measured.
+
+    A voltage v = r / (k_t n) torque + k_t n speed leaves open how large r is if inertia, friction
+    and weight are smaller in proportion; so does a current with its torque constant. Only
+    tolerances limit that, among them that of a listed weight, which a fit without it takes as
+    given.
+    """
+    model, numbers = fit.model, fit.model.numbers
+    own = {term.name for term in model.terms}
+    weight = None if "gravity" in own else stated(model.joint.file, "gravity", "torque")
+    listed = weight is not None and "gravity" in model.joint.effects
+    weighed = (weight.tolerance or USUAL) ** -2 if weight is not None and listed else 0.0
+    known = 0.0
+    if voltage and "r" in model.joint.parameters:
+        known = weighed + min(tolerance_of(model.joint.file, "r", USUAL), GUESSED) ** -2
+    elif not voltage and "torque_constant" in own:
+        known = weighed
+    way = np.zeros(len(numbers))
+    for index, term in enumerate(model.terms):
+        for at, number in enumerate(term.numbers, model.span(index).start):
+            scales = term.name == "inertia" or number.unit in SCALED
+            if scales or (not voltage and term.name == "torque_constant"):
+                value = 1.0 if number.log else number.value(float(fit.z[at]))
+                way[at] = value / number.scale
+    if known <= 0.0:
+        return np.zeros((len(numbers), len(numbers)))
+    known += sum(x**2 for x, number in zip(way, numbers, strict=True) if number.prior)
+    return np.asarray(np.outer(way, way) / known)
+
+
+def _slopes(problem: Problem, fit: Fit) -> list[Floats]:
+    """Return the derivatives of the errors, none in windows whose differences are no slopes.
+
+    A joint that sticks, or breaks away, on one side of a value alone makes a jump of a window,
+    which as a slope would claim that the record determines the value far better than it does.
+    """
+    up, down = (problem.jacobian(fit.model, fit.z, fit.errors, way=way) for way in (1.0, -1.0))
+    slopes = []
+    for ahead, behind in zip(up, down, strict=True):
+        size = np.maximum(np.abs(ahead), np.abs(behind)).max(axis=1)
+        usual = np.maximum(np.maximum(size, np.median(size, axis=0)), LEAST**2)
+        bend = (np.abs(ahead - behind).max(axis=1) / usual).max(axis=1)
+        kept = counted(bend)[:, None, None]
+        slopes.append(np.where(kept, 0.5 * (ahead + behind), 0.0))
+    return slopes
+
+
+def counted(bend: Floats) -> NDArray[np.bool_]:
+    """Return the windows that determine values: those that do not jump, or the least bent ones.
+
+    Args:
+        bend: Relative difference of the slopes of each window to either side, shape (W,).
+    """
+    return bend <= max(BENT, float(np.quantile(bend, KEPT)))

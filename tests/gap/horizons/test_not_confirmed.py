@@ -1,0 +1,176 @@
+"""What is not confirmed, whatever the fit says, because a record cannot identify it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SCALES, SLOPES
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.horizons.findings.naming import as_plain
+from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
+from tests.gap.horizons.rotor import datasheet, record
+
+
+@pytest.fixture(scope="module")
+def told() -> Diagnosis:
+    return diagnose(record(), datasheet(), "rigid")
+
+
+def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diagnosis) -> None:
+    sure = tuple(replace(e, status="confirmed", confusable_with=()) for e in told.effects)
+    assert told.examination is not None
+    doubts = ((ONE_INSTANT,), (SLOPES,), (FACTOR,), (SCALES,))
+    for advice, status in (((), "confirmed"), *((one, "tentative") for one in doubts)):
+        exam = replace(told.examination, advice=advice)
+        found = allowed_by(replace(told, effects=sure, examination=exam), {})
+        assert {e.status for e in found.effects} == {status}
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "excluded", "span", "said"),
+    [
+        ("cogging", {"f": 7.0}, ("torque_offset", "coulomb_asym"), 20.0, "in one direction"),
+        ("cogging", {"f": 7.0}, (), 20.0, ""),
+        ("gravity", {"torque": 3.0}, (), 0.4, "a spring to the frame"),
+        ("gravity", {"torque": 3.0}, (), 2.0, ""),
+        ("coulomb_asym", {"d_cm": 0.0, "d_cm_n": 0.1}, (), 2.0, "an offset beside equal"),
+        ("coulomb_asym", {"d_cm": 0.3, "d_cm_n": 0.1}, (), 2.0, ""),
+        ("thermal_derating", {"T_thw": 1.0}, (), 2.0, "what is no heat"),
+        ("thermal_derating", {"T_thw": 9.0}, (), 2.0, ""),
+    ],
+)
+def test_what_looks_like_an_effect_is_told_and_the_effect_not_confirmed(
+    told: Diagnosis, name: str, numbers: dict[str, float], excluded: tuple[str, ...],
+    span: float, said: str,
+) -> None:  # fmt: skip
+    values = {symbol: Interval(x, 0.999 * x, 1.001 * x, "-") for symbol, x in numbers.items()}
+    effect = NamedEffect(name, "motor", "motor", None, values, "confirmed", 0.9, 0.5)
+    assert told.examination is not None
+    angle = replace(told.examination.channels["q_m"], low=0.0, high=span)
+    exam = replace(told.examination, channels={"q_m": angle}, advice=())
+    given = replace(told, effects=(effect,), examination=exam)
+    (found,) = allowed_by(given, dict.fromkeys(excluded, "")).effects
+    assert found.status == ("tentative" if said else "confirmed")
+    assert said in found.doubt
+
+
+def test_of_effects_that_explain_as_much_the_surer_come_first(told: Diagnosis) -> None:
+    def one(name: str, status: str, removed: float) -> NamedEffect:
+        size = {"noise": Interval(0.1, 0.09, 0.11, "rad")}
+        return NamedEffect(name, "sensing", None, "q_m", size, status, 0.9, removed)
+
+    given = (
+        one("stiffness", "tentative", 0.5), one("backlash", "tentative", 0.1),
+        one("quantization", "confirmed", 0.1), one("noise", "confirmed", 0.0),
+    )  # fmt: skip
+    found = allowed_by(replace(told, effects=given), {}).effects
+    assert [e.name for e in found] == ["stiffness", "quantization", "backlash", "noise"]
+
+
+def test_one_of_several_effects_that_fit_alike_is_not_confirmed(told: Diagnosis) -> None:
+    torque = {"torque": Interval(0.1, 0.09, 0.11, "N m")}
+    for alike, status in (((), "confirmed"), (("coulomb_asym",), "tentative")):
+        offset = NamedEffect(
+            "torque_offset", "motor", None, None, torque, "confirmed", 0.9, 0.5, alike
+        )
+        (found,) = allowed_by(replace(told, effects=(offset,)), {}).effects
+        assert found.status == status
+        assert found.doubt == ("coulomb_asym may take its place" if alike else "")
+
+
+@pytest.mark.parametrize(
+    ("fault", "status"), [(SLOPES, "confirmed"), (FACTOR, "tentative"), (SCALES, "tentative")]
+)
+def test_beside_a_wrong_unit_no_steps_are_confirmed(
+    told: Diagnosis, fault: str, status: str
+) -> None:
+    steps = {"resolution": Interval(1.0, 1.0, 1.0, "N m")}
+    effect = NamedEffect(
+        "quantization", "sensor", "tau", "tau", steps, "confirmed", 0.9, 0.2, (), 1.0
+    )  # fmt: skip
+    assert told.examination is not None
+    exam = replace(told.examination, advice=(fault,))
+    (found,) = allowed_by(replace(told, effects=(effect,), examination=exam), {}).effects
+    assert found.status == status
+
+
+def test_dry_friction_is_not_confirmed_where_viscous_friction_cannot_be_told(
+    told: Diagnosis,
+) -> None:
+    sure = replace(
+        told,
+        effects=tuple(replace(e, status="confirmed", confusable_with=()) for e in told.effects),
+    )
+    dry = {e.name for e in sure.effects} & {"coulomb"}
+    assert dry
+    doubted = {e.name for e in allowed_by(sure, {"damping": "one speed"}).effects if e.doubt}
+    assert dry <= doubted
+    assert all(e.status == "confirmed" for e in allowed_by(sure, {"stribeck": ""}).effects)
+
+
+@pytest.mark.parametrize(
+    ("back", "half", "status"),
+    [(6.5, 2.0, "tentative"), (9.0, 2.0, "confirmed"), (5.6, 0.01, "tentative")],
+)
+def test_friction_is_not_asymmetric_where_the_directions_hardly_differ(
+    told: Diagnosis, back: float, half: float, status: str
+) -> None:
+    numbers = {
+        "d_l": Interval(5.5, 5.5 - half, 5.5 + half, "N m s/rad"),
+        "d_l_n": Interval(back, back - half, back + half, "N m s/rad"),
+    }
+    effect = NamedEffect(
+        "viscous_asym", "load", "load", None, numbers, "confirmed", 0.9, 0.2, (), 1.0
+    )  # fmt: skip
+    (found,) = allowed_by(replace(told, effects=(effect,)), {}).effects
+    assert found.status == status
+    assert ("damping" in found.confusable_with) == (status == "tentative")
+
+
+@pytest.mark.parametrize(
+    ("cycles", "status"), [(0.4, "confirmed"), (1.5, "tentative")], ids=["in step", "out of step"]
+)
+def test_a_wave_whose_ends_may_be_out_of_step_is_not_confirmed(
+    told: Diagnosis, cycles: float, status: str
+) -> None:
+    assert told.examination is not None
+    half = 0.5 * cycles / (told.examination.channels["q_m"].span / (2.0 * np.pi))
+    f = 40.0 * half  # its frequency is known within 5 % in either case
+    numbers = {"f": Interval(f, f - half, f + half, "1/rev")}
+    effect = NamedEffect(
+        "cogging", "motor", "motor", None, numbers, "confirmed", 0.9, 0.2, (), 1.0
+    )  # fmt: skip
+    (found,) = allowed_by(replace(told, effects=(effect,)), {}).effects
+    assert found.status == status
+
+
+@pytest.mark.parametrize(
+    ("back", "alike", "level"),
+    [
+        (0.5, ("coulomb",), 0.55),
+        (0.0, ("coulomb", "torque_offset"), 0.3),
+        (0.0, ("coulomb",), None),
+        (0.25, ("coulomb", "torque_offset"), None),
+        (0.5, (), None),
+    ],
+)
+def test_friction_of_one_direction_is_plain_friction_beside_an_offset(
+    back: float, alike: tuple[str, ...], level: float | None
+) -> None:
+    numbers = {"d_cm": Interval(0.6, 0.5, 0.7, "N m"), "d_cm_n": Interval(back, 0.0, 0.9, "N m")}
+    effect = NamedEffect(
+        "coulomb_asym", "motor", "motor", None, numbers, "tentative", 0.5, 0.5, alike, 1.0
+    )  # fmt: skip
+    told = as_plain(effect)
+    if level is None:
+        assert told is effect
+        return
+    assert told.name == "coulomb"
+    (one,) = told.parameters.values()
+    assert one.value == pytest.approx(level)
+    assert one.low <= 0.25 <= 0.8 <= one.high
+    assert told.confusable_with == ("coulomb_asym", *alike[1:])
