@@ -1,8 +1,8 @@
 """The current controller of a voltage drive, for use with voltage commands.
 
 Plants and environments have it inside (effect `current_control`); the law is the same and stands in
-`cjt_gym.joint.current_loop`. The inverter holds the voltage over a sample, so w dt should stay well
-below 1.
+`cjt_gym.joint.kernel.current_loop`. The inverter holds the voltage over a sample, so w dt should
+stay well below 1.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import resolve_effects
-from cjt_gym.joint.current_loop import FASTEST, NAME, regulate
-from cjt_gym.joint.drives import get_drive
+from cjt_gym.joint.kernel.compiled import compiled
+from cjt_gym.joint.kernel.current_loop import FASTEST, NAME, regulate
+from cjt_gym.joint.kernel.drives import get_drive
 
 
 @compiled
@@ -41,7 +41,7 @@ def regulate_all(
 @final
 @dataclass(eq=False)
 class CurrentController:
-    """Gives the voltages that make the current follow; see `cjt_gym.joint.current_loop`.
+    """Gives the voltages that make the current follow; see `cjt_gym.joint.kernel.current_loop`.
 
     Attributes:
         joint: A joint with one of the voltage drives.

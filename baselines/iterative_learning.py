@@ -42,7 +42,7 @@ from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import make_bench
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.kernel.arrays import Complex
 from cjt_gym.plant import Measurement
 
 RATE = 0.5

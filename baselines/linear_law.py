@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
 from cjt_gym.errors import ConfigurationError, check_name
-from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.kernel.arrays import Complex
 from cjt_gym.joint.linear import frequency_response
 from cjt_gym.plant import Measurement
 from cjt_gym.records import COLUMNS

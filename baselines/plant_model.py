@@ -14,7 +14,7 @@ from cjt_gym.baselines.mechanics import Mechanics, mechanics, placed, with_comma
 from cjt_gym.baselines.rational import Rational, transfer_function
 from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.kernel.arrays import Complex
 from cjt_gym.joint.linear import frequency_response
 
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")

@@ -13,7 +13,7 @@ from scipy.linalg import eigvals, matrix_balance
 from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.pbh import root_text
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.kernel.arrays import Complex
 
 StateSpace = tuple[Floats, Floats, Floats, float]
 NOTHING = 1e-9

@@ -18,8 +18,8 @@ from cjt_gym.envs.step import BAD_ACTION, begin_some, command_all, step_blocks, 
 from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import TAU, Floats
 from cjt_gym.joint.border import checked_array
+from cjt_gym.joint.kernel.arrays import TAU, Floats
 from cjt_gym.plant import Law, Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 

@@ -14,10 +14,10 @@ from cjt_gym.envs.settings import sampled
 from cjt_gym.envs.strip_chart import RENDER_MODES, StripChart
 from cjt_gym.errors import ConfigurationError, check_range, unknown_name
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.joint.arrays import VOLTS
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.configure import EffectSpec
+from cjt_gym.joint.kernel.arrays import VOLTS
 from cjt_gym.signals import Signal, make_signals
 
 Observation = NDArray[np.float32]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cjt_gym.envs.core import Episodes, report_of
 from cjt_gym.envs.observe import Seen, draw_episodes
 from cjt_gym.envs.step import begin_seen, conclude_seen
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant import Measurement
 
 EVERYONE = np.ones(1, dtype=np.bool_)

@@ -18,8 +18,8 @@ from numba.np import arrayobj
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observe import Control, Task
-from cjt_gym.joint.arrays import Batch, Setup
 from cjt_gym.joint.configure import PARAMETER_DTYPE
+from cjt_gym.joint.kernel.arrays import Batch, Setup
 from cjt_gym.joint.lanes import Blocks, Kind
 from cjt_gym.joint.lanes.vectors import cgutils, intrinsic, ir, types
 

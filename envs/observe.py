@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Observed
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import compiled, inlined
-from cjt_gym.joint.random_stream import mix, uniform
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import compiled, inlined
+from cjt_gym.joint.kernel.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 
 Masks = NDArray[np.bool_]

@@ -15,8 +15,8 @@ from cjt_gym.envs.core import make_base
 from cjt_gym.envs.observation import CLIP, Row, divisors, observes
 from cjt_gym.errors import ConfigurationError, check_range, unknown_name
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant import Law, Measurement
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.robots import CoupledRobot, get_robot, load_model

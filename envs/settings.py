@@ -13,10 +13,10 @@ from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
 from cjt_gym.errors import ConfigurationError, check_name, check_range
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
-from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.current_loop import with_current_loop
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.current_loop import with_current_loop
 from cjt_gym.plant import Law, Variation
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.plant.randomization.program import compile_plan

@@ -5,7 +5,7 @@ An episode goes through these calls, in this order:
 1. `command`: action and base controller become a torque within the limits, and a current;
 2. `advance` moves the joints and reads their sensors, those of a block side by side in vector
    registers (`cjt_gym.joint.lanes`); what a block cannot do is left to the general kernel
-   (`cjt_gym.joint.kernel`), which `Episodes` calls;
+   (`cjt_gym.joint.kernel.control_steps`), which `Episodes` calls;
 3. `seen`: what the task gets to see of the joint, the only thing that it knows of it;
 4. `look_up` and `reward`: the reference now, the reward, and whether the episode ends;
 5. `observe`: the observation.
@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.handover import opened
 from cjt_gym.envs.observe import SAFETY, Control, Seen, Task, look_up, observe, reward, rotor_angle
-from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
-from cjt_gym.joint.compiled import compiled, inlined, threaded
+from cjt_gym.joint.kernel.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
+from cjt_gym.joint.kernel.compiled import compiled, inlined, threaded
 from cjt_gym.joint.lanes import advance
 from cjt_gym.joint.lanes.substeps import COSINE, SINE
 from cjt_gym.joint.lanes.vector_math import sine_cosine

@@ -17,6 +17,6 @@ if sys.platform == "win32":  # signals, pseudo-terminals and limits of POSIX
 @pytest.fixture(autouse=True, scope="session")
 def _no_notice() -> None:
     """Let no test see a line about compilation, which comes when the cache is empty."""
-    from cjt_gym.joint.compiling import while_compiling
+    from cjt_gym.joint.kernel.compiling import while_compiling
 
     while_compiling(lambda begins: None)

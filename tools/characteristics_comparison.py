@@ -26,7 +26,7 @@ from cjt_gym.characteristics import (
     viscous,
 )
 from cjt_gym.joint import JointParameters
-from cjt_gym.joint.parameters import PARAMETERS
+from cjt_gym.joint.files.parameters import PARAMETERS
 from tests.golden.loader import datasheet, datasheet_sets, oracle_parameters, oracle_sets, secondary
 
 DROP = 10.0 ** (-3.0 / 20.0)

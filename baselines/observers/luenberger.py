@@ -29,7 +29,7 @@ from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.observers.model import DesignModel, current_observer, design_model
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.kernel.arrays import Complex
 
 SPREAD = 0.05
 """Relative distance of poles that are asked for at one place: their placement needs them apart."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Matrices = tuple[Floats, Floats, Floats, Floats]
 INPUTS = ("tau_m", "i", "v", "load")
 EMF = {"static": 1.0, "rl": 1.0, "dq": 2.0 / 3.0}
-"""Back-EMF over k dq_m of each drive with a voltage, as in `cjt_gym.joint.drives`."""
+"""Back-EMF over k dq_m of each drive with a voltage, as in `cjt_gym.joint.kernel.drives`."""
 STILL = 1e-9
 """Share of the fastest pole below which a pole or zero counts as zero."""
 

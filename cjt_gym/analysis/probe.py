@@ -15,7 +15,7 @@ import numpy as np
 from cjt_gym.analysis.system import Floats, System, realize
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.kernel.arrays import CHANNELS
 from cjt_gym.plant import Law, Measurement, SimulatedPlant, limits_of
 
 TRUE = ("true_tau", "true_q_l", "true_dq_l")

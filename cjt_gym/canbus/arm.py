@@ -26,7 +26,7 @@ from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant.measurement import Measurement
 
 REHEARSAL = 100

@@ -18,8 +18,8 @@ from cjt_gym.canbus.protocols import protocol_of
 from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.wire import Due, Medium, Wire
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import CHANNELS, WINDING
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.kernel.arrays import CHANNELS, WINDING
 from cjt_gym.plant import SimulatedPlant
 
 TICK = 2.5e-4

@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.canbus.safety import SafetyLimits
 from cjt_gym.errors import check_name
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 HEADROOM = 0.6
 """Share of each limit that the nominal joint may reach in an experiment."""

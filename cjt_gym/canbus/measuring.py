@@ -11,7 +11,7 @@ import numpy as np
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.kernel.arrays import CHANNELS
 from cjt_gym.plant import Measurement
 
 CHANNEL_VALUES = itemgetter(*CHANNELS)

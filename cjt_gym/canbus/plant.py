@@ -12,7 +12,7 @@ from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.safety import State
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant import Limits
 from cjt_gym.plant.measurement import Measurement
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError, ParameterError, check_range, unknown_key
-from cjt_gym.joint.quantity import parse_quantity
+from cjt_gym.joint.files.quantity import parse_quantity
 
 REQUIRED: Any = object()
 """Stands for the default of a key that must be given."""

@@ -25,7 +25,7 @@ from cjt_gym.characteristics.motor import (
 )
 from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import JointParameters, get_structure
-from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.kernel.arrays import Complex
 from cjt_gym.joint.linear import OUTPUTS, frequency_response, state_matrices
 
 LOCKED = math.inf

@@ -21,7 +21,7 @@ from cjt_gym.characteristics.bandwidth import LOCKED, responses
 from cjt_gym.characteristics.motor import Floats, peak_torque, torque_per_ampere
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import JointParameters
-from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.kernel.arrays import Complex
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from types import MappingProxyType
 from cjt_gym.characteristics import bandwidth, motor, thermal
 from cjt_gym.errors import ParameterError, check_name
 from cjt_gym.joint import JointParameters
-from cjt_gym.joint.parameter_table import axis_units
+from cjt_gym.joint.files.parameter_table import axis_units
 
 GROUPS = ("constants", "rated", "no load", "stall", "peak", "heat", "dynamics")
 STEP = 1e-4

@@ -12,8 +12,8 @@ from cjt_gym.console.logs import gear_ratio_of
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
-from cjt_gym.joint.files import TOOLBOX_SUFFIX
-from cjt_gym.joint.toolbox_files import read_toolbox
+from cjt_gym.joint.files.joint_file import TOOLBOX_SUFFIX
+from cjt_gym.joint.files.toolbox_files import read_toolbox
 from cjt_gym.records import (
     FORMATS,
     Record,

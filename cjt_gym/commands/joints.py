@@ -21,7 +21,7 @@ from cjt_gym.joint import (
     load_joint_file,
 )
 from cjt_gym.joint.effects import PLACES
-from cjt_gym.joint.files import is_path
+from cjt_gym.joint.files.joint_file import is_path
 from cjt_gym.records import read_record, record_names
 
 

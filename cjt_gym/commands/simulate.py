@@ -30,9 +30,9 @@ from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.joint.arrays import CHANNELS, Floats
 from cjt_gym.joint.configure import plain_effects
-from cjt_gym.joint.current_loop import with_current_loop
+from cjt_gym.joint.kernel.arrays import CHANNELS, Floats
+from cjt_gym.joint.kernel.current_loop import with_current_loop
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.plant.simulated import DT_PHYSICS

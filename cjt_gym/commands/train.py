@@ -18,7 +18,7 @@ from cjt_gym.console.options import (
 )
 from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.current_loop import with_current_loop
+from cjt_gym.joint.kernel.current_loop import with_current_loop
 from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.training.evaluation.conditions import transferred
 from cjt_gym.training.learning.config import config_names, load_config

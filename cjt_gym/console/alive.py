@@ -75,7 +75,7 @@ class Alive:
 
     def watch_compiler(self) -> None:
         """Say it when something is compiled."""
-        from cjt_gym.joint.compiling import COMPILING, while_compiling
+        from cjt_gym.joint.kernel.compiling import COMPILING, while_compiling
 
         def told(compiling: bool) -> None:
             self.doing = COMPILING if compiling else WORKING

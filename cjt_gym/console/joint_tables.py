@@ -9,7 +9,7 @@ from typing import Any
 
 from cjt_gym.joint import EFFECTS, PARAMETERS, STAGES, Effect, EffectParameter, load_joint_file
 from cjt_gym.joint.effects import PLACES
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 Tables = dict[str, list[dict[str, Any]]]
 TABLES = ("joints", "records", "structures", "drives", "effects")

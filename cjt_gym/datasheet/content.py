@@ -25,7 +25,7 @@ from cjt_gym.datasheet.notation import named, number, plain, unit, with_toleranc
 from cjt_gym.datasheet.resistance import friction_and_ripple
 from cjt_gym.errors import ParameterError
 from cjt_gym.joint import EFFECTS, JointFile, JointParameters, Quantity
-from cjt_gym.joint.parameters import PARAMETERS
+from cjt_gym.joint.files.parameters import PARAMETERS
 
 Drawing = tuple[str, Callable[[Sequence[JointParameters]], str], str, str]
 """Name, what draws it, and its caption for one joint and for several; empty: left out."""

@@ -14,7 +14,7 @@ from cjt_gym.datasheet.drawing import legend as place_legend
 from cjt_gym.datasheet.notation import drawn
 from cjt_gym.joint import Joint, JointFile
 from cjt_gym.joint.effects.friction import DRY
-from cjt_gym.joint.ripple import RIPPLES
+from cjt_gym.joint.kernel.ripple import RIPPLES
 
 PERIODS = 3.0  # of the slowest ripple, to see that it repeats
 DAMPINGS = ("d_m", "d_g", "d_l")

@@ -25,7 +25,7 @@ from cjt_gym.export.c_headers import controller_header, observer_header
 from cjt_gym.export.c_law import law_of
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant import SimulatedPlant, limits_of
 from cjt_gym.plant.measurement import Measurement
 

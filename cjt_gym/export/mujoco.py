@@ -29,8 +29,8 @@ from cjt_gym.export.model import (
     values_of,
 )
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.ripple import COGGING
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.ripple import COGGING
 
 TIMESTEP = 2.5e-4  # unless told otherwise: four to a usual control step [s]
 ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

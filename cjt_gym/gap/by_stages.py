@@ -42,7 +42,7 @@ from cjt_gym.gap.stages.lateness import open_instant
 from cjt_gym.gap.stages.leftover import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.gap.stages.select import BEYOND, Progress
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 

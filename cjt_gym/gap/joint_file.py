@@ -17,10 +17,10 @@ from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.as_rows import ROWS, Found, Number, in_symbols
 from cjt_gym.joint import EFFECTS, Effect, JointFile
-from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import body_of
-from cjt_gym.joint.quantity import WIDEST, Quantity
-from cjt_gym.joint.quantity import Setting as Entry
+from cjt_gym.joint.files.effect_entries import unit_on
+from cjt_gym.joint.files.quantity import WIDEST, Quantity
+from cjt_gym.joint.files.quantity import Setting as Entry
 
 ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
 TOLERATED = 3.0

@@ -13,7 +13,7 @@ from cjt_gym.baselines import Controller
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.hardware.delayed_law import law_for
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record, part_of, read_record
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.benchmark import make_agents

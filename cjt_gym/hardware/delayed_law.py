@@ -23,10 +23,10 @@ from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.envs.hardware import check_measured, complete_for
 from cjt_gym.errors import CjtGymWarning, ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.effects import EFFECTS, EffectParameter
-from cjt_gym.joint.parameters import PARAMETERS
+from cjt_gym.joint.files.parameters import PARAMETERS
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant.measurement import Measurement
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.deploy.exported import Exported

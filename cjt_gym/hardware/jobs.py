@@ -22,7 +22,7 @@ from cjt_gym.canbus.experiments import (
 from cjt_gym.console.options import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record, part_of, read_record, record_names
 from cjt_gym.signals import make_signals, signal_of_record
 from cjt_gym.training.tuning.gains import choose

@@ -15,7 +15,7 @@ from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import Link
 from cjt_gym.hardware.delayed_law import PolicyLaw, law_for
 from cjt_gym.hardware.jobs import NONE, Job, Run
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.training.evaluation.metrics import rms
 from cjt_gym.training.tuning.gains import gains_in_record
 

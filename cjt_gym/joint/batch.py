@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError, check_range
-from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
-from cjt_gym.joint.compiled import compiled
-from cjt_gym.joint.current_loop import check_loop, longest_sample
-from cjt_gym.joint.discretize import SCRATCH, discretize
-from cjt_gym.joint.drives import get_drive
-from cjt_gym.joint.kernel import restart, step_batch
+from cjt_gym.joint.kernel.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
+from cjt_gym.joint.kernel.compiled import compiled
+from cjt_gym.joint.kernel.control_steps import restart, step_batch
+from cjt_gym.joint.kernel.current_loop import check_loop, longest_sample
+from cjt_gym.joint.kernel.discretize import SCRATCH, discretize
+from cjt_gym.joint.kernel.drives import get_drive
+from cjt_gym.joint.kernel.random_stream import seed_state
+from cjt_gym.joint.kernel.spring_table import spring_rows
 from cjt_gym.joint.lanes import Blocks, Kind, advance_blocks, kind_of, make_blocks
-from cjt_gym.joint.random_stream import seed_state
-from cjt_gym.joint.spring_table import spring_rows
 
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint

@@ -28,12 +28,12 @@ from typing import Any
 
 from cjt_gym.disk import read_toml
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, unknown_key
-from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.files import JointFile, is_path
+from cjt_gym.joint.files.effect_entries import unit_on
+from cjt_gym.joint.files.joint_file import JointFile, is_path
+from cjt_gym.joint.files.parameters import SET_IN_PYTHON
+from cjt_gym.joint.files.quantity import FrozenMapping, Quantity, Setting
 from cjt_gym.joint.joint import Joint, load_joint
-from cjt_gym.joint.parameters import SET_IN_PYTHON
-from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
 
 KEYS = ("joints", "structures", "drives", "effects")
 JOINT_KEYS = ("file", "parameters")

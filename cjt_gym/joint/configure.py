@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import CjtGymWarning, ParameterError, check_name, unknown_name
-from cjt_gym.joint.drives import NEEDED_PARAMETERS
-from cjt_gym.joint.effect_entries import CHANNEL_VALUES, usual_entries
 from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
-from cjt_gym.joint.files import JointFile
-from cjt_gym.joint.mistakes import Mistakes
-from cjt_gym.joint.parameters import JointParameters, Quantity
-from cjt_gym.joint.ripple import ripple_rows
-from cjt_gym.joint.spring_table import spring_rows
+from cjt_gym.joint.files.effect_entries import CHANNEL_VALUES, usual_entries
+from cjt_gym.joint.files.joint_file import JointFile
+from cjt_gym.joint.files.mistakes import Mistakes
+from cjt_gym.joint.files.parameters import JointParameters, Quantity
+from cjt_gym.joint.kernel.drives import NEEDED_PARAMETERS
+from cjt_gym.joint.kernel.ripple import ripple_rows
+from cjt_gym.joint.kernel.spring_table import spring_rows
 from cjt_gym.joint.structures import Structure
 
 EffectValue = float | tuple[float, ...]

@@ -14,7 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
 from cjt_gym.joint import linear
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.border import checked_array
+from cjt_gym.joint.configure import (
+    EffectSpec,
+    EffectValues,
+    pack,
+    plain_effects,
+    resolve_effects,
+)
+from cjt_gym.joint.files.joint_file import JointFile, load_joint_file
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.kernel.arrays import (
     BODY,
     BRISTLE,
     CHANNELS,
@@ -26,23 +37,19 @@ from cjt_gym.joint.arrays import (
     WORK_WIDTH,
     Floats,
 )
-from cjt_gym.joint.batch import JointBatch
-from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.configure import (
-    EffectSpec,
-    EffectValues,
-    pack,
-    plain_effects,
-    resolve_effects,
+from cjt_gym.joint.kernel.control_steps import simulate
+from cjt_gym.joint.kernel.drives import DRIVES, get_drive
+from cjt_gym.joint.kernel.friction import (
+    BRISTLES,
+    LOAD,
+    bristles,
+    level,
+    note_friction,
+    sliding_friction,
 )
-from cjt_gym.joint.drives import DRIVES, get_drive
-from cjt_gym.joint.files import JointFile, load_joint_file
-from cjt_gym.joint.friction import BRISTLES, LOAD, bristles, level, note_friction, sliding_friction
-from cjt_gym.joint.kernel import simulate
-from cjt_gym.joint.load_forces import contact_torque
+from cjt_gym.joint.kernel.load_forces import contact_torque
+from cjt_gym.joint.kernel.ripple import ripple_torque
 from cjt_gym.joint.outside import frequency_of, is_told, tell_outside
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.ripple import ripple_torque
 from cjt_gym.joint.structures import Structure, get_structure
 from cjt_gym.records import JOINT_FILE, Record, default_units
 

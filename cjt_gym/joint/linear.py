@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ParameterError, check_name
-from cjt_gym.joint.arrays import Complex
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.kernel.arrays import Complex
 from cjt_gym.joint.structures import BODIES, Structure
 
 if TYPE_CHECKING:  # it loads matplotlib, so it is imported only where it is used

@@ -9,9 +9,9 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from cjt_gym.errors import OutsideFoundWarning
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.diagnosed import Range, ranges_of
-from cjt_gym.joint.files import JointFile
+from cjt_gym.joint.files.diagnosed import Range, ranges_of
+from cjt_gym.joint.files.joint_file import JointFile
+from cjt_gym.joint.kernel.arrays import Floats
 
 Met = Mapping[str, tuple[float, float]]
 MARGIN = 0.1

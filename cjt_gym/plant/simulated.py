@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import CHANNELS, K_M, VOLTS, Batch, Floats, Setup
 from cjt_gym.joint.batch import DELAYS, JointBatch
 from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import FIELDS
-from cjt_gym.joint.current_loop import with_current_loop
-from cjt_gym.joint.discretize import SCRATCH, discretize
-from cjt_gym.joint.heat import temper
 from cjt_gym.joint.joint import DRIVE_SIGNALS
+from cjt_gym.joint.kernel.arrays import CHANNELS, K_M, VOLTS, Batch, Floats, Setup
+from cjt_gym.joint.kernel.compiled import compiled
+from cjt_gym.joint.kernel.current_loop import with_current_loop
+from cjt_gym.joint.kernel.discretize import SCRATCH, discretize
+from cjt_gym.joint.kernel.heat import temper
 from cjt_gym.joint.outside import is_told, tell_outside
 from cjt_gym.plant.measurement import Limits, Measurement
 from cjt_gym.plant.randomization import Randomization, resolve_randomization

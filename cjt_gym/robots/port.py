@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Batch, Floats, Setup
+from cjt_gym.joint.kernel.arrays import Batch, Floats, Setup
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.measurement import Measurement
 from cjt_gym.plant.randomization import Randomization

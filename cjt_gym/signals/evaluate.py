@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import compiled, inlined, lean, reordered
-from cjt_gym.joint.random_stream import hashed_uniform
+from cjt_gym.joint.kernel.compiled import compiled, inlined, lean, reordered
+from cjt_gym.joint.kernel.random_stream import hashed_uniform
 
 Floats = NDArray[np.float64]
 

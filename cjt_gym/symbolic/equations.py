@@ -9,8 +9,8 @@ import sympy as sp
 
 from cjt_gym.errors import check_name
 from cjt_gym.joint import JointParameters, get_structure
+from cjt_gym.joint.files.parameters import PARAMETERS
 from cjt_gym.joint.linear import OUTPUTS, body_matrices, state_names
-from cjt_gym.joint.parameters import PARAMETERS
 
 S = sp.Symbol("s")
 """The Laplace variable."""

@@ -15,7 +15,7 @@ from cjt_gym.blind.plan import can_go_together
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES
 from cjt_gym.disk import write_text
 from cjt_gym.joint import EFFECTS, JointFile, load_joint_file
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 GROUPS: Final = (
     "output_fixed_rigid_gearbox",

@@ -8,7 +8,7 @@ from math import pi
 from typing import Any, Final
 
 from cjt_gym.joint import JointFile, get_structure
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 SHARE: Final = 0.2
 """How often each of the effects is there in an episode, so that one or two of them are."""

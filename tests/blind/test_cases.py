@@ -12,7 +12,7 @@ from cjt_gym.blind import SMALL, draw_case, write_case
 from cjt_gym.blind.excitation import DRAWN, excitation
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.joint.files import load_joint_file
+from cjt_gym.joint.files.joint_file import load_joint_file
 from cjt_gym.records import read_record
 from tests.blind.joints import short
 

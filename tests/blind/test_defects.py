@@ -15,7 +15,7 @@ from cjt_gym.blind.defects import GUESS, LOST, NOISE, Defects, draw_defects, not
 from cjt_gym.blind.joints import draw_joint
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES
 from cjt_gym.errors import UnknownNameError
-from cjt_gym.joint.files import load_joint_file
+from cjt_gym.joint.files.joint_file import load_joint_file
 from cjt_gym.records import read_record
 
 DT = 1e-3

@@ -44,7 +44,7 @@ from cjt_gym.joint import (
     load_joint,
     load_joint_file,
 )
-from cjt_gym.joint.parameter_table import AXES
+from cjt_gym.joint.files.parameter_table import AXES
 
 
 def shipped(name: str = "orange_80_6000") -> JointParameters:

@@ -16,8 +16,8 @@ from cjt_gym import cli
 from cjt_gym.cli import COMMANDS, main
 from cjt_gym.console import alive
 from cjt_gym.gap import diagnose
-from cjt_gym.joint import compiling
-from cjt_gym.joint.compiling import Notice, while_compiling
+from cjt_gym.joint.kernel import compiling
+from cjt_gym.joint.kernel.compiling import Notice, while_compiling
 from cjt_gym.records import read_record
 from tests.python import run_python
 

@@ -25,7 +25,7 @@ from cjt_gym.joint import (
 )
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.effects import PLACES, body_of
-from cjt_gym.joint.parameter_table import axis_units
+from cjt_gym.joint.files.parameter_table import axis_units
 from cjt_gym.records import Record
 from tests.physics.cases import typical
 

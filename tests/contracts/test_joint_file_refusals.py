@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.errors import CjtGymError, MissingFileError, ParameterError, UnknownNameError
-from cjt_gym.joint.files import load_joint_file, to_toml
-from cjt_gym.joint.parameter_table import (
+from cjt_gym.joint.files.joint_file import load_joint_file, to_toml
+from cjt_gym.joint.files.parameter_table import (
     AXES,
     PARAMETERS,
 )
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from tests.contracts.written_joints import HEAD, entries, write
 
 KB = 'k_b = { value = 6000.0, unit = "N m/rad" }'

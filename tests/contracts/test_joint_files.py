@@ -11,8 +11,8 @@ from cjt_gym.cli import main
 from cjt_gym.envs.arguments import complete
 from cjt_gym.errors import CjtGymWarning, ParameterError
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
-from cjt_gym.joint.quantity import Quantity
-from cjt_gym.joint.units import in_usual_unit
+from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.files.units import in_usual_unit
 
 SHEET = """
 name = "mine"

@@ -17,18 +17,18 @@ from hypothesis import strategies as st
 
 from cjt_gym.errors import ParameterError, UnknownNameError
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
-from cjt_gym.joint.mistakes import Mistakes
-from cjt_gym.joint.parameter_table import (
+from cjt_gym.joint.files.joint_file import JointFile, joint_names, load_joint_file, to_toml
+from cjt_gym.joint.files.mistakes import Mistakes
+from cjt_gym.joint.files.parameter_table import (
     AXES,
     PARAMETERS,
     SAMPLING_UNITS,
     SENSOR_KEYS,
     sensor_units,
 )
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import WIDEST, Quantity, Setting
-from cjt_gym.joint.toml_format import parse_document
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import WIDEST, Quantity, Setting
+from cjt_gym.joint.files.toml_format import parse_document
 from tests.contracts.written_joints import entries, write
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "golden" / "params.json").read_text("utf-8"))

@@ -13,8 +13,8 @@ from scipy import stats
 from cjt_gym import load_joint
 from cjt_gym.errors import ConfigurationError, ParameterError
 from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint_file
-from cjt_gym.joint.files import to_toml
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.joint_file import to_toml
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.plant import SimulatedPlant, Variation
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.plant.randomization.target import find_target

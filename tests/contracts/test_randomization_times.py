@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cjt_gym.joint.arrays import K_M
+from cjt_gym.joint.kernel.arrays import K_M
 from cjt_gym.plant import SimulatedPlant, Variation
 from tests.contracts.randomized import NUM, Floats, joint, plant, run
 

@@ -190,7 +190,7 @@ def test_missing_samples_only_on_request(tmp_path: Path) -> None:
 
 
 def test_quantities_of_a_joint_file_serve_as_sensor_values() -> None:
-    from cjt_gym.joint.parameters import Quantity
+    from cjt_gym.joint.files.parameters import Quantity
 
     sensors = {"q_m": {"noise": Quantity(1e-5, "rad")}}
     assert small(sensors=sensors).sensors["q_m"] == {"noise": 1e-5}

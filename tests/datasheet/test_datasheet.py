@@ -19,7 +19,7 @@ from cjt_gym.datasheet import make_sheet, quantities, write_sheet
 from cjt_gym.datasheet.blocks import Figure, Heading, Paragraph, Sheet, Table
 from cjt_gym.datasheet.notation import number, render, unit, with_tolerance
 from cjt_gym.joint import JointFile, load_joint, load_joint_file
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.quantity import QUANTITY_KEYS
+from cjt_gym.joint.files.quantity import QUANTITY_KEYS
 from tests.docs.pages import DOCS, blocks, page
 
 TEXT = page("joint_files")

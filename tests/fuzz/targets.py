@@ -18,7 +18,7 @@ from cjt_gym.canbus.config import load_joints
 from cjt_gym.errors import CjtGymError
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.build import build_joints
-from cjt_gym.joint.files import load_joint_file
+from cjt_gym.joint.files.joint_file import load_joint_file
 from cjt_gym.records import load_mapping, read_log, read_record, write_record
 from cjt_gym.records.record import Record
 from cjt_gym.records.tables.can_table import frames

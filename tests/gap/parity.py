@@ -18,8 +18,8 @@ from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting, make_setting
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, to_toml
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]

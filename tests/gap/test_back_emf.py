@@ -13,8 +13,8 @@ from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.selection.stepwise import added
 from cjt_gym.joint import JointFile, get_structure
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 DT, INNER = 1e-3, 10

@@ -7,8 +7,8 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 INERTIA, DAMPING, DRY, K_T = 2.5e-3, 4e-3, 0.03, 0.25

@@ -16,7 +16,7 @@ from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.joint_file import identified_joint, told_by
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile, load_joint_file
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.records import read_record
 from tests.gap.parity import (

@@ -18,8 +18,8 @@ from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fit import Model, Problem
 from cjt_gym.joint import get_structure
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
-from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.check.moved import DAMPING, columns
 from tests.gap.check.moved import joint as mass

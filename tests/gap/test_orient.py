@@ -11,7 +11,7 @@ from cjt_gym.blind import draw_case, write_case
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.joint import JointFile, Structure, get_structure, load_joint_file
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record, read_record
 
 Blind = tuple[Record, JointFile, Structure]

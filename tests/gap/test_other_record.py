@@ -10,7 +10,7 @@ import pytest
 from cjt_gym.blind import make_bench
 from cjt_gym.gap import diagnose
 from cjt_gym.joint import load_joint_file
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.simulator import TRUE, nominal, simulate
 

@@ -29,7 +29,7 @@ from cjt_gym.gap.stages.predictor import start_shapes
 from cjt_gym.gap.stages.sensing import SensorFinding, sensor_findings
 from cjt_gym.gap.stages.spring import slip, spring_torque
 from cjt_gym.joint import get_structure
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record
 from tests.gap.simulator import TRUE, nominal, simulate
 

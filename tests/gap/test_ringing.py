@@ -11,8 +11,8 @@ from scipy.linalg import expm
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.diagnosis import Diagnosis
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 INERTIA, STIFFNESS, DAMPING, GAIN = 0.2, 3e4, 1.0, 3.0  # 62 Hz

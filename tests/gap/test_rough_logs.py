@@ -21,8 +21,8 @@ from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.recorded.signals import motor_torque
 from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
-from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import datasheet, record
 from tests.gap.simulator import TRUE, nominal, simulate

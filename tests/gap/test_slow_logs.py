@@ -10,8 +10,8 @@ import pytest
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.joint import JointFile, get_structure
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 FINE, EVERY = 1e-3, 5

@@ -15,7 +15,7 @@ from cjt_gym.gap.recorded.series import stretches
 from cjt_gym.gap.recorded.tolerances import strained
 from cjt_gym.gap.stages.kernel import smooth_speed
 from cjt_gym.gap.stages.smoothing import with_smoothing
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from tests.gap.bench import STRUCTURE, joint_of, record_of
 from tests.gap.simulator import nominal
 

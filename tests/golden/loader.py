@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint import STRUCTURES, JointFile, JointParameters, Quantity, to_toml
-from cjt_gym.joint.parameter_table import PARAMETERS
+from cjt_gym.joint.files.parameter_table import PARAMETERS
 
 HERE: Final = Path(__file__).parent
 Array = NDArray[Any]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from cjt_gym.joint.drives import advance_dq, static_current
+from cjt_gym.joint.kernel.drives import advance_dq, static_current
 from tests.golden.conftest import JointOf
 from tests.golden.loader import (
     STRUCTURES,

@@ -19,7 +19,7 @@ from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.pd_feedforward import PdFeedForward
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.kernel.arrays import CHANNELS
 from cjt_gym.plant import Measurement
 from cjt_gym.training.gpu import HostEpisodes, make_episodes
 from cjt_gym.training.gpu.device import DeviceEpisodes, TorchLaw

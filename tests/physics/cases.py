@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from cjt_gym.joint import STRUCTURES, Effect, Joint, joint_names, load_joint, load_joint_file
-from cjt_gym.joint.arrays import BRISTLE, LOOP
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.configure import typical_value
-from cjt_gym.joint.spring_table import spring_rows
+from cjt_gym.joint.kernel.arrays import BRISTLE, LOOP
+from cjt_gym.joint.kernel.spring_table import spring_rows
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]

@@ -40,9 +40,9 @@ from cjt_gym.joint import (
     load_joint,
     load_joint_file,
 )
-from cjt_gym.joint.arrays import K_M, TREMOR, VOLUNTARY
 from cjt_gym.joint.batch import longest_substep
-from cjt_gym.joint.spring_table import spring_rows
+from cjt_gym.joint.kernel.arrays import K_M, TREMOR, VOLUNTARY
+from cjt_gym.joint.kernel.spring_table import spring_rows
 from tests.physics.cases import DT, EPS, Floats, Trace, traced
 
 MOST_SUBSTEPS = 100  # of a drive with inductance that asks for more, another joint is drawn

@@ -8,7 +8,7 @@ import pytest
 from numba import njit
 
 from cjt_gym.errors import CjtGymWarning
-from cjt_gym.joint import compiled
+from cjt_gym.joint.kernel import compiled
 
 
 def test_code_that_cannot_be_kept_is_compiled_all_the_same(

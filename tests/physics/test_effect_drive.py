@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from cjt_gym.joint import EFFECTS, STRUCTURES, Joint, load_joint
-from cjt_gym.joint.arrays import HOUSING, K_M, R_W, WINDING
+from cjt_gym.joint.kernel.arrays import HOUSING, K_M, R_W, WINDING
 from tests.physics.cases import DT, UNDAMPED, Effects, Floats, traced
 
 NAME = "orange_80_6000"

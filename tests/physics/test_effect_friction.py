@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
-from cjt_gym.joint.arrays import BRISTLE
+from cjt_gym.joint.kernel.arrays import BRISTLE
 from tests.physics.cases import (
     EPS,
     UNDAMPED,

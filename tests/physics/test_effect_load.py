@@ -10,7 +10,7 @@ from scipy.signal import welch
 from scipy.special import ellipk
 
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.disturbance import TREMOR_DAMPING
+from cjt_gym.joint.kernel.disturbance import TREMOR_DAMPING
 from tests.physics.cases import FIXED, FREE, Effects, Floats, falls, lossless, states, total_energy
 
 NAME = "orange_80_6000"

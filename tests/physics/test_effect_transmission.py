@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
-from cjt_gym.joint.arrays import LOOP
+from cjt_gym.joint.kernel.arrays import LOOP
 from tests.physics.cases import (
     DT,
     LOSSLESS,

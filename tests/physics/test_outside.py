@@ -12,7 +12,7 @@ import pytest
 from cjt_gym import load_joint
 from cjt_gym.errors import OutsideFoundWarning, ParameterError
 from cjt_gym.joint import Joint, load_joint_file
-from cjt_gym.joint.files import to_toml
+from cjt_gym.joint.files.joint_file import to_toml
 
 FOUND = """
 [found]

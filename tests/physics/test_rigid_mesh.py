@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.joint.arrays import MESH
+from cjt_gym.joint.kernel.arrays import MESH
 from tests.physics.cases import UNDAMPED, Effects, Floats, Trace, log_range, maybe, states, traced
 
 BODIES = {"I_m": 0.3, "I_g": 0.1, "I_l": 0.6} | UNDAMPED

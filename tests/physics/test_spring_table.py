@@ -11,9 +11,9 @@ from scipy.interpolate import PchipInterpolator
 
 from cjt_gym.errors import MissingFileError, ParameterError, UnknownNameError
 from cjt_gym.joint import Joint, load_joint, to_toml
-from cjt_gym.joint.arrays import MEMORY
 from cjt_gym.joint.build import file_of
-from cjt_gym.joint.spring_table import mean_torque, read_spring, spring_rows, table_torque
+from cjt_gym.joint.kernel.arrays import MEMORY
+from cjt_gym.joint.kernel.spring_table import mean_torque, read_spring, spring_rows, table_torque
 from cjt_gym.plant import SimulatedPlant
 
 NAME = "orange_80_6000"

@@ -26,7 +26,7 @@ import numpy as np
 from scipy import signal
 
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.records import Record, read_record
 

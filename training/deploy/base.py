@@ -11,9 +11,9 @@ import numpy as np
 from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU, LinearLaw
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_law import NOTHING, CLaw, law_of
-from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.compiled import inlined
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import inlined
 from cjt_gym.training.learning.config import TrainConfig, base_of
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_files import Checked, ExportError, compiled
 from cjt_gym.export.c_text import VALUES, identifier, parameters
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant import Measurement
 from cjt_gym.records import Record
 from cjt_gym.training.deploy.c_header import c_header

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, check_name, check_range
 from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.compiled import inlined, reordered, threaded
+from cjt_gym.joint.kernel.compiled import inlined, reordered, threaded
 
 Floats = NDArray[np.float32]
 ACTIVATIONS: Final = ("none", "tanh", "relu", "elu")

@@ -13,8 +13,8 @@ from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU, assem
 from cjt_gym.envs.observation import Observed
 from cjt_gym.envs.observe import limited, put_sample
 from cjt_gym.export.c_law import CLaw
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import threaded
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import threaded
 from cjt_gym.training.deploy.base import Running, run_law, running
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.network import Packed, run_layers

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import Complex, Floats
+from cjt_gym.joint.kernel.arrays import Complex, Floats
 from cjt_gym.training.evaluation.rollout import Traces
 
 SETTLING_BAND = 0.1

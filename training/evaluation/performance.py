@@ -16,7 +16,7 @@ import numpy as np
 from cjt_gym.envs.settings import REWARD_WEIGHTS
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.training.evaluation.metrics import RESAMPLES
 
 LEVEL = 0.95  # of all comparisons together

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cjt_gym.baselines import Controller
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import DQ_L, Q_L, TAU, Floats
+from cjt_gym.joint.kernel.arrays import DQ_L, Q_L, TAU, Floats
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
 from cjt_gym.training.evaluation.conditions import Conditions

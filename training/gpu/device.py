@@ -22,7 +22,7 @@ from cjt_gym.baselines.linear_law import (
 from cjt_gym.baselines.pd_feedforward import PdFeedForward
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
-from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.kernel.arrays import CHANNELS
 from cjt_gym.training.gpu.host import Step
 from cjt_gym.training.gpu.kernels import begin_episodes, cuda, step_episodes
 

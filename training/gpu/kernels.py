@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.observe import Control, Task, draw_episode, rotor_angle
 from cjt_gym.envs.step import begin, command, seen, tell
-from cjt_gym.joint.arrays import Q_M, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
-from cjt_gym.joint.compiled import lean
-from cjt_gym.joint.discretize import SCRATCH
-from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
-from cjt_gym.joint.kernel import control_step, restart
+from cjt_gym.joint.kernel.arrays import Q_M, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
+from cjt_gym.joint.kernel.compiled import lean
+from cjt_gym.joint.kernel.control_steps import control_step, restart
+from cjt_gym.joint.kernel.discretize import SCRATCH
+from cjt_gym.joint.kernel.disturbance import disturbed_load, is_disturbed
 from cjt_gym.plant.randomization.draw import Draws, Program
 from cjt_gym.plant.simulated import redraw_one
 

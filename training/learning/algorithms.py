@@ -21,8 +21,8 @@ from cjt_gym.disk import parsing, whole
 from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.training.learning.config import TrainConfig
 from cjt_gym.training.learning.joint_families import arguments_of
 from cjt_gym.training.learning.quiet import QuietPolicy, sensor_noise

@@ -13,7 +13,7 @@ from cjt_gym.baselines.table import CONTROLLERS, get_entry
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError, check_range
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
 from cjt_gym.training.evaluation.metrics import RESAMPLES, squared_errors
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_episodes

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.baselines.table import get_entry
-from cjt_gym.joint.parameters import sha256_of
+from cjt_gym.joint.files.parameters import sha256_of
 from cjt_gym.training.evaluation.rollout import joint_of
 from cjt_gym.training.tuning.limits import Assessment
 from cjt_gym.training.tuning.problem import Problem, Search, Trial

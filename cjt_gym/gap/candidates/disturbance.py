@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 Values = Mapping[str, float]
 SENSORS = ("i", "tau", "q_m", "q_l")

@@ -11,7 +11,7 @@ from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.fields import Fields, own_field
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
 LATE = 2e-5

@@ -18,7 +18,7 @@ from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 Signal = Callable[[Series, Values], Floats]
 TOUCHED = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import FEWEST, Balance, factors, left_over
 from cjt_gym.gap.check.pieces import Columns, gain, motion, smooth
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 MOVING = 3.0
 """Speed above which a body moves, in standard deviations of its noise."""

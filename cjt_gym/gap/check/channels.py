@@ -18,7 +18,7 @@ from cjt_gym.gap.recorded.noise import (
 )
 from cjt_gym.gap.recorded.series import slope
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import TRUE_PREFIX, Record
 
 FEW_COUNTS = 100.0

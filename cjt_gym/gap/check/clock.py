@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cjt_gym.gap.digits import plain
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 from cjt_gym.records.repair_notes import counted
 

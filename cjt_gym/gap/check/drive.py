@@ -7,7 +7,7 @@ import numpy as np
 from cjt_gym.gap.check.balance import RELIABLE
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 LEAST_DELAY = 0.25
 """Share of a sample below which no delay is identifiable."""

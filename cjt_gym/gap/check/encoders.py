@@ -15,7 +15,7 @@ from cjt_gym.gap.check.balance import Balance, factors, left_over
 from cjt_gym.gap.check.pieces import Columns, smooth
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
 LEAST = 0.3

@@ -10,7 +10,7 @@ from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.digits import plain
 from cjt_gym.gap.recorded.orient import orient
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 LEVELS = (0.2, 0.35, 0.5, 0.65, 0.8)
 """Quantiles of the angle at which the joint is compared with itself."""

@@ -18,7 +18,7 @@ from cjt_gym.gap.check.verdicts import (
     percent,
 )
 from cjt_gym.gap.check.view import View
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 BOTH_WAYS = 0.02
 """Least share of the moving samples in the rarer direction."""

@@ -21,7 +21,7 @@ from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.recorded.series import SLOW
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
 LATE = 0.7

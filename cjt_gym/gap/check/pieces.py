@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from cjt_gym.gap.check.clock import gap_length
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
 Columns = dict[str, Floats]

@@ -10,7 +10,7 @@ from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.transmission import BESIDE, no_spring, spring
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 GAIN = 0.3
 """Upper limit on the smallest identifiable gain error."""

@@ -10,7 +10,7 @@ from cjt_gym.gap.check.friction import seen
 from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, from_balance, only_from
 from cjt_gym.gap.check.view import View
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 CONSTANT = 0.3
 """Upper limit on the smallest identifiable relative difference of the torque constant."""

@@ -7,7 +7,7 @@ import numpy as np
 from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records.repair_notes import counted
 
 HELPS = 0.8

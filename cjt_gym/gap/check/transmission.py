@@ -8,7 +8,7 @@ from cjt_gym.gap.check.balance import RELIABLE, Balance, slope
 from cjt_gym.gap.check.resonances import gear_resonance
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 RELATIVE = 0.3
 """Upper limit on the smallest identifiable relative size."""

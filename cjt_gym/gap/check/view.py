@@ -15,7 +15,7 @@ from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
 from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.joint import STRUCTURES, JointFile, Structure, get_structure
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
 WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)

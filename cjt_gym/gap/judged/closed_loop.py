@@ -16,7 +16,7 @@ from cjt_gym.gap.diagnosis import GapSize
 from cjt_gym.gap.judged.gap_size import size_of
 from cjt_gym.gap.judged.replay import SUBSTEP
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant import Law, SimulatedPlant
 from cjt_gym.records import Record
 

@@ -14,7 +14,7 @@ from cjt_gym.gap.judged.gap_size import off
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.stages.fit import STEP, Fit, Problem
 from cjt_gym.gap.stages.intervals import Covariance
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 DEFLATION = 100.0
 """Samples that count as one, since errors of a replay are correlated over a long time."""

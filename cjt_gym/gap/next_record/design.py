@@ -25,7 +25,7 @@ from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fit import DEFLATION, FLOOR, Fit, Model, Problem
 from cjt_gym.gap.stages.leftover import LEFT
 from cjt_gym.gap.stages.prune import SIMPLER
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 SAMPLES, SHORTEST, LONGEST = 4000, 4.0, 20.0
 """Number of samples of an input, and its shortest and longest duration [s]."""

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import chirp, lfilter
 
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 REST: Final = 0.5
 """Rest at the beginning of every input [s]."""

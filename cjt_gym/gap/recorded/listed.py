@@ -15,8 +15,8 @@ from cjt_gym.gap.recorded.fields import Fields, has_friction
 from cjt_gym.gap.recorded.tolerances import LEAST, SMOOTHING
 from cjt_gym.joint import EFFECTS, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
-from cjt_gym.joint.effect_entries import unit_on
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.effect_entries import unit_on
+from cjt_gym.joint.files.quantity import Quantity
 
 SPAN = 2.0 * 1.96
 """Width of a 95 % interval in standard deviations."""

@@ -16,7 +16,7 @@ from scipy.special import comb
 
 from cjt_gym.gap.recorded.series import Series
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 ORDER, OTHER_ORDER = 8, 5
 SAME = 0.06

@@ -26,7 +26,7 @@ from scipy.optimize import nnls
 from scipy.signal import correlate, correlation_lags, savgol_filter
 
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record, Repair
 
 FOLLOWERS = (

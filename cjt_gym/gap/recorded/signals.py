@@ -7,8 +7,8 @@ from scipy.signal import lfilter
 
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import compiled
 
 LEAST_TORQUE = 0.2
 """Share of the torque per ampere that hot windings keep at least."""

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.effects.friction import DRY
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 VAGUE = 0.3
 """Relative tolerance at or above which a value counts as a guess."""

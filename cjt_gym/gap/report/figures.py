@@ -13,7 +13,7 @@ from cjt_gym.gap.diagnosis import Diagnosis
 from cjt_gym.gap.evidence import FrictionMap, RippleSpectrum, Source, SpringLoop
 from cjt_gym.gap.report.drawing import OUTER, SOFT, Curve, log_x, plot
 from cjt_gym.gap.report.words import CHANNELS, MINUS, number, percent
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 BEFORE, AFTER = "datasheet", "with the effects"
 STANDS_OUT = 6.0

@@ -11,7 +11,7 @@ from cjt_gym.gap.judged.replay import Written, written
 from cjt_gym.gap.report.maps import friction_maps, ripple, spring_loop
 from cjt_gym.gap.stages.fit import Fit, Problem
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.gap.diagnosis import StageGap
 from cjt_gym.gap.evidence import Regime
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 BINS = 8
 STILL = 0.02

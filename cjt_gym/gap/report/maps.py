@@ -17,7 +17,7 @@ from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.periodic import ripple_amplitudes
 from cjt_gym.gap.stages.spring import spring_torque
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 WINDOW = 0.021
 """Time over which velocities and accelerations are smoothed [s]."""

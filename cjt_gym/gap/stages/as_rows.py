@@ -15,7 +15,7 @@ from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.listed import SLIP_SPAN, in_place_of
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint import EFFECTS
-from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.files.effect_entries import unit_on
 
 SHARP_LOOP = 0.95
 """Width of the loop of exponent 1 that comes nearest to one of exponent 2 on random paths."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 MOTOR, GEAR, LOAD = range(3)
 

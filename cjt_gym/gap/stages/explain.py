@@ -38,7 +38,7 @@ from cjt_gym.gap.stages.select import (
     silent,
 )
 from cjt_gym.gap.stages.sensing import SensorFinding, noisy_current, sensor_findings, with_findings
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 PATIENCE = 25.0
 """Processor time after which the search for effects stops with its best result [s]."""

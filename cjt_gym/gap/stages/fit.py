@@ -20,7 +20,7 @@ from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.process import settle_noise
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 DEFLATION = 10.0
 FLOOR = 1.05

@@ -19,7 +19,7 @@ from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.signals import motor_torque, periodic_torque, smooth_mean, weight
 from cjt_gym.gap.stages.cut import Stages
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 CUTOFF, SHARE = 100.0, 0.2
 """Highest cut-off of the filter [Hz], and its largest share of the sampling frequency."""

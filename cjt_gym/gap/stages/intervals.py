@@ -11,7 +11,7 @@ from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.stages.fit import Fit, Problem
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 BLOCKS = 40
 NORMAL = 1.96

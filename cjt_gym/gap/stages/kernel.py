@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import compiled, lean
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import compiled, lean
 
 LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_P, VISCOUS_N, ELASTIC, LOADED, SMOOTH = range(10)
 """Columns of a friction law: Coulomb levels for both directions [N m], breakaway levels above them

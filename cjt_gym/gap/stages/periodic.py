@@ -18,7 +18,7 @@ from cjt_gym.gap.recorded.signals import MEAN, commanded_current, joint_torque, 
 from cjt_gym.gap.stages.chain import MOTOR
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.predictor import torque_response
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 HIGHEST = 20_000.0
 FEWEST = 2.0

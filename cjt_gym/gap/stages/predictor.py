@@ -12,7 +12,7 @@ from cjt_gym.gap.recorded.fields import LAW_SIZE, Fields, friction_law, has_fric
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.chain import Chain
 from cjt_gym.gap.stages.kernel import Backlash, Linear, Measured, Rubbing, predict
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 RESPONSE = 200
 """Samples after which a predictor has forgotten a torque."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from cjt_gym.gap.recorded.setting import as_noisy
 from cjt_gym.gap.recorded.signals import motor_torque
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 if TYPE_CHECKING:
     from cjt_gym.gap.recorded.fields import Fields

@@ -13,7 +13,7 @@ import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.stages.fit import DEFLATION, FLOOR, LONGEST, Fit, Model, Problem, difference
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 RELINEARISED = 3
 STRAINED = 3.0

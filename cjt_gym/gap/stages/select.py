@@ -22,7 +22,7 @@ from cjt_gym.gap.stages.fit import (
 from cjt_gym.gap.stages.merit import LOG_SHARE, MARGIN, RELEASE, STRAIN, evidence, price
 from cjt_gym.gap.stages.periodic import command_steps, line_starts, periodic_starts
 from cjt_gym.gap.stages.quick import Look
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 BEAM = 2
 TRIAL_MOVES = 6

@@ -13,7 +13,7 @@ import numpy as np
 
 from cjt_gym.gap.recorded.noise import ChannelNoise
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 COARSER = 1.8
 """Ratio of found to stated resolution above which a channel is called coarse."""

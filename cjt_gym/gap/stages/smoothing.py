@@ -12,9 +12,9 @@ from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.recorded.tolerances import SMOOTHING
 from cjt_gym.gap.stages.explain import without_effects
 from cjt_gym.joint import EFFECTS, JointFile, Structure
-from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects.motor import DQ_0
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.effect_entries import unit_on
+from cjt_gym.joint.files.quantity import Quantity
 
 SMOOTHED = float(DQ_0.default or 0.0)
 """Velocity over which simulations smooth dry friction where no file says [rad/s]."""

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from cjt_gym.gap.recorded.fields import Fields
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import compiled
 
 MOST_PIECES = 50.0
 PATH = 17

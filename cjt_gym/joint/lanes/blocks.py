@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.effects import EFFECTS
+from cjt_gym.joint.kernel.arrays import (
     CURRENT_I,
     K_M,
     LATE_SUB,
@@ -25,15 +26,14 @@ from cjt_gym.joint.arrays import (
     Floats,
     Setup,
 )
-from cjt_gym.joint.compiled import inlined, lean, threaded
-from cjt_gym.joint.drives import clip
-from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.kernel import LARGEST
+from cjt_gym.joint.kernel.compiled import inlined, lean, threaded
+from cjt_gym.joint.kernel.control_steps import LARGEST
+from cjt_gym.joint.kernel.drives import clip
+from cjt_gym.joint.kernel.ripple import COGGING, KIND
+from cjt_gym.joint.kernel.sensing import distorts, is_late, lateness, measure, plan_lateness, sensor
 from cjt_gym.joint.lanes import substeps as at
 from cjt_gym.joint.lanes.substeps import Kind, coordinate, run
 from cjt_gym.joint.lanes.vectors import WIDTH
-from cjt_gym.joint.ripple import COGGING, KIND
-from cjt_gym.joint.sensing import distorts, is_late, lateness, measure, plan_lateness, sensor
 
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import inlined, lean
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import inlined, lean
 from cjt_gym.joint.lanes.vector_math import decay, sine_cosine
 from cjt_gym.joint.lanes.vectors import (
     choose,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.compiled import inlined
+from cjt_gym.joint.kernel.compiled import inlined
 from cjt_gym.joint.lanes.vectors import choose, has_bit, least, madd, power_of_two
 
 # 1.5 * 2^52: adding it leaves the nearest whole number in the low bits.

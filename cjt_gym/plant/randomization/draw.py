@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import compiled
-from cjt_gym.joint.random_stream import normal, uniform
+from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.joint.kernel.compiled import compiled
+from cjt_gym.joint.kernel.random_stream import normal, uniform
 
 # Columns of a source of randomness.
 WHEN, EVERY, KEEP, IS_LINEAR = range(4)

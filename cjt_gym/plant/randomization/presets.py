@@ -11,9 +11,9 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import DELAYS
 from cjt_gym.joint.configure import off_value, stated_by_file
-from cjt_gym.joint.effect_entries import CHANNEL_VALUES
 from cjt_gym.joint.effects import Effect, EffectParameter
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.effect_entries import CHANNEL_VALUES
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.plant.randomization.target import Target, find_target
 from cjt_gym.plant.randomization.together import found_together
 from cjt_gym.plant.randomization.variation import TAILS, Variation

@@ -11,9 +11,9 @@ import numpy as np
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
-from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.batch import CHANNEL_DELAYS, DELAYS, INERTIAS
 from cjt_gym.joint.configure import FIELDS
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.plant.randomization import draw as columns
 from cjt_gym.plant.randomization.draw import Program, normal_share
 from cjt_gym.plant.randomization.target import Domain, Target, find_target

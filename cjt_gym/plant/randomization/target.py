@@ -12,7 +12,7 @@ from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import INERTIAS
 from cjt_gym.joint.configure import BASE_FIELDS
 from cjt_gym.joint.effects import Effect, EffectParameter
-from cjt_gym.joint.parameters import PARAMETERS
+from cjt_gym.joint.files.parameters import PARAMETERS
 from cjt_gym.plant.randomization.variation import Variation
 
 

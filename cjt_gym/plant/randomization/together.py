@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint import EFFECTS, Joint
-from cjt_gym.joint.diagnosed import covariance_of
+from cjt_gym.joint.files.diagnosed import covariance_of
 from cjt_gym.plant.randomization.target import Domain, Target, find_target, variable_names
 from cjt_gym.plant.randomization.variation import TAILS, Variation
 

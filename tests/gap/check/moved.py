@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record, default_units
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,8 @@ from cjt_gym.gap.check.drive import MEASURE
 from cjt_gym.gap.check.examine import _once
 from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.joint import get_structure, load_joint_file
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
-from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import read_record
 from tests.gap.check.moved import BOTH, CONSTANT, FRICTION, ONE, columns, joint, record
 from tests.gap.simulator import nominal, simulate

@@ -10,7 +10,7 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.joint import JointFile, to_toml
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import write_record
 from tests.gap.check.moved import ONE, columns, joint, record
 

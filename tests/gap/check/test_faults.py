@@ -15,7 +15,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.faults import REFLECTED
 from cjt_gym.joint import get_structure
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record, read_record
 from tests.gap.check.moved import INERTIA, K_T, QUICK, Floats, columns, joint, record
 

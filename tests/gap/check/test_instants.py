@@ -11,7 +11,7 @@ from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.instants import answers_in_its_row, in_step, misplaced
 from cjt_gym.joint import Joint, JointFile, get_structure
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record
 from tests.gap.simulator import nominal, simulate
 

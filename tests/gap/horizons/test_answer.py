@@ -28,9 +28,9 @@ from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.gap.horizons.prediction.predictable import Predictable
 from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
 from cjt_gym.joint import get_structure, load_joint
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DAMPING, INERTIA, datasheet, record, right_datasheet
 

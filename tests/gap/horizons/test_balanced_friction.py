@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.fitting.balanced_friction import is_delicate, limited
 from cjt_gym.gap.horizons.fitting.terms import candidates, scales_of
 from cjt_gym.gap.horizons.prediction.case import as_joint, make_case
 from cjt_gym.joint import JointFile, get_structure
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DT, datasheet
 

@@ -10,7 +10,7 @@ from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.selection.judge import judge
 from cjt_gym.gap.stages.select import silent
 from cjt_gym.joint import JointFile, get_structure
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record
 
 INERTIA, DAMPING, DRY, FALL, SLOW, STIFFNESS, MICRO = 1.0, 3.0, 6.0, 4.0, 0.06, 9000.0, 10.0

@@ -18,8 +18,8 @@ from cjt_gym.gap.horizons.torque.inverse import (
 )
 from cjt_gym.gap.horizons.torque.over_angle import over_angle
 from cjt_gym.joint import JointFile, get_structure
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.joint import Joint
-from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record
 from tests.gap.horizons.arm import DT, held_record
 from tests.gap.horizons.rotor import datasheet

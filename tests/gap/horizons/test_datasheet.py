@@ -7,8 +7,8 @@ import pytest
 
 from cjt_gym.gap.horizons.fitting.datasheet import inertias_at
 from cjt_gym.joint import Joint, JointFile
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 
 STATED = {"I_m": 0.2, "I_g": 0.03, "I_l": 0.07}
 

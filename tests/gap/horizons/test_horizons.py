@@ -25,7 +25,7 @@ from cjt_gym.gap.horizons.selection.search_result import Found
 from cjt_gym.gap.horizons.selection.stepwise import added, allowed, is_needed
 from cjt_gym.gap.horizons.torque.baseline import least_squares
 from cjt_gym.joint import JointFile, get_structure
-from cjt_gym.joint.diagnosed import covariance_of
+from cjt_gym.joint.files.diagnosed import covariance_of
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DAMPING, DRY, DT, INERTIA, datasheet, record

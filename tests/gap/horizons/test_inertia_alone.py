@@ -7,8 +7,8 @@ import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 DT, INNER = 2e-3, 4

@@ -24,7 +24,7 @@ from cjt_gym.gap.horizons.torque.inverse import (
     spent,
 )
 from cjt_gym.joint import JointFile, Quantity, get_structure
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record
 from tests.gap.horizons.arm import DAMPING, DRY, DT, INERTIA, WEIGHT, held_record, judgement
 from tests.gap.horizons.rotor import INERTIA as ROTOR

@@ -10,7 +10,7 @@ import pytest
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.findings.corrected_values import LATE
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DAMPING, DRY, DT, datasheet, record
 

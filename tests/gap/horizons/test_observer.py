@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.prediction.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.prediction.log import Log, to_log
 from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.joint import Joint, JointFile, get_structure
-from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record
 
 DT, SECONDS = 1e-3, 6.0

@@ -7,9 +7,9 @@ import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.joint import JointFile
-from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
 DT, FINE = 0.02, 400

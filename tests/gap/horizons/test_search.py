@@ -22,7 +22,7 @@ from cjt_gym.gap.horizons.selection.starts import _one_by_one
 from cjt_gym.gap.horizons.selection.stepwise import added, leaves
 from cjt_gym.gap.horizons.selection.worth import Worth
 from cjt_gym.joint import get_structure
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
 
 

@@ -16,7 +16,7 @@ from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.horizons.selection.stepwise import added
 from cjt_gym.joint import Joint, get_structure
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from tests.gap.horizons.rotor import DRY, datasheet, record
 
 TOLERANCE = 0.1

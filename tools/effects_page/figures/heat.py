@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.linalg import expm
 
-from cjt_gym.joint.arrays import HOUSING, K_M, WINDING
 from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.kernel.arrays import HOUSING, K_M, WINDING
 from tools.effects_page.bench import Floats, joint
 from tools.effects_page.plot import plot
 from tools.effects_page.style import BLUE, GREY, LAW, POINTS, RED, label, mosaic

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.special import ellipk
 
-from cjt_gym.joint.arrays import MEMORY
-from cjt_gym.joint.spring_table import spring_rows, table_torque
+from cjt_gym.joint.kernel.arrays import MEMORY
+from cjt_gym.joint.kernel.spring_table import spring_rows, table_torque
 from tools.effects_page.bench import Floats, blocked, joint
 from tools.effects_page.plot import plot
 from tools.effects_page.style import BLUE, GREY, LAW, NOMINAL, POINTS, RED, label, mosaic

@@ -36,7 +36,7 @@ from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.selection.judge import Progress, judge
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.quantity import freeze
+from cjt_gym.joint.files.quantity import freeze
 from cjt_gym.records import Record
 
 SILENT = 2.0

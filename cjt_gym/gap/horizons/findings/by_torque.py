@@ -18,8 +18,8 @@ from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import BLOCKS, Spent
 from cjt_gym.gap.horizons.torque.inverse import inverse
 from cjt_gym.joint import EFFECTS, Joint
-from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import friction
+from cjt_gym.joint.files.effect_entries import unit_on
 
 HELD = (
     "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "

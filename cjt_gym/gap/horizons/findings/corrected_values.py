@@ -18,7 +18,7 @@ from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.torque.inverse import inverse
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, VAGUE
 from cjt_gym.joint import EFFECTS, Joint
-from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.files.effect_entries import unit_on
 
 HEAVY = 10.0
 """Multiple of the inertia of datasheet and regressions at or above which it is not realistic."""

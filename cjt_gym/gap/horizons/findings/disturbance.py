@@ -9,7 +9,7 @@ import numpy as np
 from cjt_gym.gap.horizons.fitting.fit import MOTION
 from cjt_gym.gap.horizons.prediction.windows import Windows, stays
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.kernel.arrays import Floats
 
 AHEAD = 0.1
 """Horizon over which a motion is looked at [s]: it shows a torque, not yet where it led."""

@@ -16,10 +16,10 @@ from cjt_gym.gap.horizons.fitting.uncertainty import spread_of
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.gap.joint_file import identified
 from cjt_gym.joint import EFFECTS, Joint, JointFile
-from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.files.effect_entries import unit_on
+from cjt_gym.joint.files.quantity import FrozenMapping, Plain, Quantity, freeze
+from cjt_gym.joint.files.quantity import Setting as Entry
 from cjt_gym.joint.outside import frequency_of
-from cjt_gym.joint.quantity import FrozenMapping, Plain, Quantity, freeze
-from cjt_gym.joint.quantity import Setting as Entry
 
 Floats = NDArray[np.float64]
 DIGITS = 8

@@ -29,7 +29,7 @@ from cjt_gym.gap.horizons.selection.judgement import CLOSE, LOUD, NEAR, Judgemen
 from cjt_gym.gap.horizons.torque.inverse import drag_law
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
 from cjt_gym.joint import EFFECTS, JointFile
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 BETTER = 0.95
 """Relative error, as a fraction of the datasheet's, that at least one horizon must fall below for

@@ -16,7 +16,7 @@ from cjt_gym.gap.horizons.findings.corrected_values import imposed, refined
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped, relative
 from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.joint import EFFECTS, Joint
-from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.files.effect_entries import unit_on
 
 DRIFTLESS = 0.1
 """Relative error over a whole record of a held output, which does not drift, above which nothing

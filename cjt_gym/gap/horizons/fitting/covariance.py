@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.fitting.uncertainty import Spread
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.stages.intervals import TENFOLD
 from cjt_gym.joint import EFFECTS
-from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.files.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 STEP = 0.01

@@ -15,7 +15,7 @@ from cjt_gym.gap.horizons.fitting.fit import LEAST, Fit, Problem, bounded
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
 from cjt_gym.joint import EFFECTS
-from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.files.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 INTERVAL = 0.95

@@ -16,7 +16,7 @@ from cjt_gym.gap.horizons.prediction.pieces import cut, split
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, Windows, make_windows, rescaled
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 NARROWER, NARROWEST = (2, 4), 3

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.prediction.log import Log
 from cjt_gym.gap.horizons.prediction.observer import Given, observed
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.batch import DELAYS, JointBatch, longest_substep
+from cjt_gym.joint.kernel.arrays import (
     HOUSING,
     LAGGED,
     Q_L,
@@ -24,10 +25,9 @@ from cjt_gym.joint.arrays import (
     Batch,
     Setup,
 )
-from cjt_gym.joint.batch import DELAYS, JointBatch, longest_substep
-from cjt_gym.joint.compiled import threaded
-from cjt_gym.joint.heat import cool, temper, warm
-from cjt_gym.joint.kernel import inlined_step, one_step, restart
+from cjt_gym.joint.kernel.compiled import threaded
+from cjt_gym.joint.kernel.control_steps import inlined_step, one_step, restart
+from cjt_gym.joint.kernel.heat import cool, temper, warm
 from cjt_gym.joint.lanes import Blocks, Kind, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.lanes.vectors import WIDTH
 

@@ -17,7 +17,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap.recorded.series import SLOW, current_before, same_file
 from cjt_gym.gap.recorded.slope import in_time, is_noise, is_slope
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]

@@ -12,10 +12,10 @@ from cjt_gym.gap.horizons.prediction.log import Log
 from cjt_gym.gap.horizons.prediction.model import motor_inertia
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Batch, Setup
 from cjt_gym.joint.batch import JointBatch
-from cjt_gym.joint.compiled import threaded
-from cjt_gym.joint.kernel import one_step, restart
+from cjt_gym.joint.kernel.arrays import Batch, Setup
+from cjt_gym.joint.kernel.compiled import threaded
+from cjt_gym.joint.kernel.control_steps import one_step, restart
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

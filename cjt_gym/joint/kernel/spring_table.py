@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk.text import read_text
 from cjt_gym.errors import MissingFileError, ParameterError
-from cjt_gym.joint.arrays import MEMORY, Floats
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.kernel.arrays import MEMORY, Floats
+from cjt_gym.joint.kernel.compiled import lean
 
 NAME = "spring_table"
 COLUMNS = 5

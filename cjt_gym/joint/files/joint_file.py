@@ -12,14 +12,14 @@ from cjt_gym.disk import Inline
 from cjt_gym.disk import to_toml as write_tables
 from cjt_gym.disk.text import read_text
 from cjt_gym.errors import MissingFileError, ParameterError, check_name, unknown_name
-from cjt_gym.joint.drives import DRIVES
-from cjt_gym.joint.effect_entries import usual_effects
-from cjt_gym.joint.mistakes import Mistakes
-from cjt_gym.joint.parameter_table import AXES
-from cjt_gym.joint.parameters import JointParameters, check_quantities, content_of, sha256_of
-from cjt_gym.joint.quantity import FrozenMapping, Plain, Quantity, Setting, freeze
+from cjt_gym.joint.files.effect_entries import usual_effects
+from cjt_gym.joint.files.mistakes import Mistakes
+from cjt_gym.joint.files.parameter_table import AXES
+from cjt_gym.joint.files.parameters import JointParameters, check_quantities, content_of, sha256_of
+from cjt_gym.joint.files.quantity import FrozenMapping, Plain, Quantity, Setting, freeze
+from cjt_gym.joint.files.toml_format import parse_document
+from cjt_gym.joint.kernel.drives import DRIVES
 from cjt_gym.joint.structures import STRUCTURES
-from cjt_gym.joint.toml_format import parse_document
 
 __all__ = ["JointFile", "joint_names", "load_joint_file", "to_toml"]
 
@@ -121,7 +121,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
     if is_path(name_or_path):
         path = Path(name_or_path).expanduser()
         if path.suffix == TOOLBOX_SUFFIX:
-            from cjt_gym.joint.toolbox_files import read_toolbox
+            from cjt_gym.joint.files.toolbox_files import read_toolbox
 
             return read_toolbox(name_or_path)
         return _parsed(read_joint_text(path), str(name_or_path))

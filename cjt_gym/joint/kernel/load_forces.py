@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.compiled import apart, lean
+from cjt_gym.joint.kernel.compiled import apart, lean
 
 TINY = 1e-9  # [rad]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     CURRENT_I,
     DQ_G,
     DQ_L,
@@ -27,10 +27,10 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import apart, lean
-from cjt_gym.joint.random_stream import normal, uniform
-from cjt_gym.joint.springs import BAR, is_nonlinear, spring_torque
-from cjt_gym.joint.substep import store_state
+from cjt_gym.joint.kernel.compiled import apart, lean
+from cjt_gym.joint.kernel.random_stream import normal, uniform
+from cjt_gym.joint.kernel.springs import BAR, is_nonlinear, spring_torque
+from cjt_gym.joint.kernel.substep import store_state
 
 
 @lean

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     FREE,
     FREE_SPEED,
     K_M,
@@ -27,13 +27,13 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import apart, lean
-from cjt_gym.joint.friction import LOAD, dry_level, friction
-from cjt_gym.joint.implicit_solver import resist
-from cjt_gym.joint.load_forces import has_load_force, load_force
-from cjt_gym.joint.resistance import dry_sum, resistance, shift
-from cjt_gym.joint.ripple import GEAR, KIND, ripple_torque
-from cjt_gym.joint.springs import BAR, GEAR_SPRING, has_play, is_nonlinear, linear_spring
+from cjt_gym.joint.kernel.compiled import apart, lean
+from cjt_gym.joint.kernel.friction import LOAD, dry_level, friction
+from cjt_gym.joint.kernel.implicit_solver import resist
+from cjt_gym.joint.kernel.load_forces import has_load_force, load_force
+from cjt_gym.joint.kernel.resistance import dry_sum, resistance, shift
+from cjt_gym.joint.kernel.ripple import GEAR, KIND, ripple_torque
+from cjt_gym.joint.kernel.springs import BAR, GEAR_SPRING, has_play, is_nonlinear, linear_spring
 
 PASSES = 40  # in every fourth a bracket is halved
 SETTLED, LEAST = 1e-9, 1e-9  # error of the transmitted torque, relative and in [N m]

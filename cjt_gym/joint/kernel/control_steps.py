@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     ACTIVE,
     K_M,
     LATE_SUB,
@@ -33,14 +33,14 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import compiled, inlined, lean, threaded
-from cjt_gym.joint.current_loop import closes, regulated_command, terminal_volts
-from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
-from cjt_gym.joint.drives import CURRENT, shaped_command
-from cjt_gym.joint.heat import cool, warm
-from cjt_gym.joint.mesh import loops, meshes
-from cjt_gym.joint.resistance import prepare
-from cjt_gym.joint.sensing import (
+from cjt_gym.joint.kernel.compiled import compiled, inlined, lean, threaded
+from cjt_gym.joint.kernel.current_loop import closes, regulated_command, terminal_volts
+from cjt_gym.joint.kernel.disturbance import disturbed_load, is_disturbed
+from cjt_gym.joint.kernel.drives import CURRENT, shaped_command
+from cjt_gym.joint.kernel.heat import cool, warm
+from cjt_gym.joint.kernel.mesh import loops, meshes
+from cjt_gym.joint.kernel.resistance import prepare
+from cjt_gym.joint.kernel.sensing import (
     condition_command,
     lateness,
     measure,
@@ -48,8 +48,8 @@ from cjt_gym.joint.sensing import (
     take_snapshot,
     write_channels,
 )
-from cjt_gym.joint.splitting import careful_substep
-from cjt_gym.joint.substep import linear_substep, load_state, store_state
+from cjt_gym.joint.kernel.splitting import careful_substep
+from cjt_gym.joint.kernel.substep import linear_substep, load_state, store_state
 
 LARGEST = 1e12
 """State beyond which a simulation has diverged: no joint moves a million million radians."""

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import apart, lean
-from cjt_gym.joint.springs import BAR, has_play, linear_spring
+from cjt_gym.joint.kernel.compiled import apart, lean
+from cjt_gym.joint.kernel.springs import BAR, has_play, linear_spring
 
 Matrix = NDArray[np.float64]
 MAX_ORDER = 6  # three bodies, each with an angle and a velocity

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     BODY,
     BRISTLE,
     DOWN,
@@ -28,7 +28,7 @@ from cjt_gym.joint.arrays import (
     Floats,
     OneJoint,
 )
-from cjt_gym.joint.compiled import apart, inlined, lean
+from cjt_gym.joint.kernel.compiled import apart, inlined, lean
 
 MOTOR, GEAR, LOAD = 0, 1, 2
 LEAST = 1e-9  # level below which there is no friction [N m]

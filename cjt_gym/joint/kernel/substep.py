@@ -8,7 +8,7 @@ either side of the mechanics. The order of convergence is two.
 
 from __future__ import annotations
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     FREE,
     FREE_SPEED,
     K_M,
@@ -25,8 +25,8 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import inlined, lean
-from cjt_gym.joint.drives import (
+from cjt_gym.joint.kernel.compiled import inlined, lean
+from cjt_gym.joint.kernel.drives import (
     CURRENT,
     STATIC,
     advance_currents,
@@ -34,9 +34,9 @@ from cjt_gym.joint.drives import (
     shaped_command,
     static_current,
 )
-from cjt_gym.joint.implicit_solver import resist
-from cjt_gym.joint.mesh import rigid_torque, settle_loop, settle_mesh
-from cjt_gym.joint.resistance import come_to_rest, remember, shift
+from cjt_gym.joint.kernel.implicit_solver import resist
+from cjt_gym.joint.kernel.mesh import rigid_torque, settle_loop, settle_mesh
+from cjt_gym.joint.kernel.resistance import come_to_rest, remember, shift
 
 
 @lean

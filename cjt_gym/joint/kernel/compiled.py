@@ -27,7 +27,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 from cjt_gym.errors import CjtGymWarning
-from cjt_gym.joint import compiling  # noqa: F401  # reports compilations from now on
+from cjt_gym.joint.kernel import compiling  # noqa: F401  # reports compilations from now on
 
 PACKAGES = (
     "cjt_gym.joint",

@@ -24,11 +24,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import K_M, R_W, REGULATOR, Floats, OneJoint, Setup
-from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.configure import resolve_effects
-from cjt_gym.joint.drives import CURRENT, DQ, STATIC, applied_volts, circle, clip
 from cjt_gym.joint.effects import EFFECTS
+from cjt_gym.joint.kernel.arrays import K_M, R_W, REGULATOR, Floats, OneJoint, Setup
+from cjt_gym.joint.kernel.compiled import apart, lean
+from cjt_gym.joint.kernel.drives import CURRENT, DQ, STATIC, applied_volts, circle, clip
 
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint

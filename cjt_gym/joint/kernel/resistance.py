@@ -6,7 +6,7 @@ up per coordinate; what springs add to their linear models acts between two.
 
 from __future__ import annotations
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     ACTIVE,
     BODY,
     BRISTLE,
@@ -24,9 +24,9 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import apart, inlined, lean
-from cjt_gym.joint.drives import STATIC, static_current
-from cjt_gym.joint.friction import (
+from cjt_gym.joint.kernel.compiled import apart, inlined, lean
+from cjt_gym.joint.kernel.drives import STATIC, static_current
+from cjt_gym.joint.kernel.friction import (
     BRISTLES,
     COULOMB,
     LOAD,
@@ -37,8 +37,8 @@ from cjt_gym.joint.friction import (
     note_friction,
     own_bristles,
 )
-from cjt_gym.joint.load_forces import has_load_force, load_force
-from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
+from cjt_gym.joint.kernel.load_forces import has_load_force, load_force
+from cjt_gym.joint.kernel.springs import BAR, added_torque, is_nonlinear
 
 FREELY, PLAINLY, ANY = 0.0, 1.0, 2.0  # what resists a coordinate
 

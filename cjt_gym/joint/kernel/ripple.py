@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.kernel.compiled import lean
 
 FREQUENCY, COSINE, SINE, KIND = 0, 1, 2, 3
 COGGING, GEAR, COMMUTATION = 0.0, 1.0, 2.0

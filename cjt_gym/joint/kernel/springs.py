@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.arrays import LOOP, Floats, Setup
-from cjt_gym.joint.compiled import apart, lean
-from cjt_gym.joint.spring_table import mean_torque, table_torque
+from cjt_gym.joint.kernel.arrays import LOOP, Floats, Setup
+from cjt_gym.joint.kernel.compiled import apart, lean
+from cjt_gym.joint.kernel.spring_table import mean_torque, table_torque
 
 GEAR_SPRING, BAR = 0, 1
 YIELD_SPAN = 3.0  # the last Maxwell element yields at this many delta_h

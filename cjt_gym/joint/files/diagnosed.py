@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ParameterError
-from cjt_gym.joint.files import JointFile
+from cjt_gym.joint.files.joint_file import JointFile
 
 QUANTITIES = ("speed", "torque", "frequency", "temperature")
 """What a range may be of."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     ACTIVE,
     FREE_SPEED,
     GUESS,
@@ -33,8 +33,8 @@ from cjt_gym.joint.arrays import (
     OneJoint,
     X,
 )
-from cjt_gym.joint.compiled import apart, inlined, lean
-from cjt_gym.joint.resistance import (
+from cjt_gym.joint.kernel.compiled import apart, inlined, lean
+from cjt_gym.joint.kernel.resistance import (
     FREELY,
     PLAINLY,
     deflection,
@@ -43,7 +43,7 @@ from cjt_gym.joint.resistance import (
     plain_resistance,
     resistance,
 )
-from cjt_gym.joint.springs import added_torque
+from cjt_gym.joint.kernel.springs import added_torque
 
 SWEEPS = 30  # over the coordinates; where they do not settle, the substep is halved
 NEWTON = 20  # steps before one coordinate after the other is solved for

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from cjt_gym.joint.arrays import HOUSING, K_M, R_W, WINDING, Floats
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.kernel.arrays import HOUSING, K_M, R_W, WINDING, Floats
+from cjt_gym.joint.kernel.compiled import lean
 
 LEAST = 0.05  # share of torque constant that is left at any temperature
 

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import check_name
-from cjt_gym.joint.arrays import K_M, LAGGED, R_W, REFERENCE, OneJoint
-from cjt_gym.joint.compiled import apart, lean
+from cjt_gym.joint.kernel.arrays import K_M, LAGGED, R_W, REFERENCE, OneJoint
+from cjt_gym.joint.kernel.compiled import apart, lean
 
 CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import TREMOR, VOLUNTARY, Floats, Setup
-from cjt_gym.joint.compiled import lean
-from cjt_gym.joint.random_stream import normal
+from cjt_gym.joint.kernel.arrays import TREMOR, VOLUNTARY, Floats, Setup
+from cjt_gym.joint.kernel.compiled import lean
+from cjt_gym.joint.kernel.random_stream import normal
 
 TREMOR_DAMPING = 0.05
 """Damping ratio of the oscillator that noise drives: its band is a tenth of its

@@ -1,6 +1,6 @@
-"""The syntax of a joint file: TOML text to quantities; `files.to_toml` is the way back.
+"""The syntax of a joint file: TOML text to quantities; `joint_file.to_toml` is the way back.
 
-What a value means is checked elsewhere: in `cjt_gym.joint.parameters` and by the effect table.
+What a value means is checked elsewhere: in `parameters` and by the effect table.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 from cjt_gym.disk import parse_toml
 from cjt_gym.errors import ParameterError, unknown_key
-from cjt_gym.joint.mistakes import Mistakes
-from cjt_gym.joint.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
-from cjt_gym.joint.quantity import Quantity, Setting, parse_quantity
-from cjt_gym.joint.units import in_usual_unit
+from cjt_gym.joint.files.mistakes import Mistakes
+from cjt_gym.joint.files.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
+from cjt_gym.joint.files.quantity import Quantity, Setting, parse_quantity
+from cjt_gym.joint.files.units import in_usual_unit
 
 TOP_LEVEL_KEYS = (
     *("name", "source", "axis", "structure", "drive"),

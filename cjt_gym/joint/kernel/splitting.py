@@ -7,7 +7,7 @@ substep is halved until they are solved.
 
 from __future__ import annotations
 
-from cjt_gym.joint.arrays import (
+from cjt_gym.joint.kernel.arrays import (
     FINE,
     FINE_ROWS,
     LAGGED,
@@ -21,10 +21,10 @@ from cjt_gym.joint.arrays import (
     OneJoint,
     Setup,
 )
-from cjt_gym.joint.compiled import lean, shared
-from cjt_gym.joint.discretize import SCRATCH, discretize
-from cjt_gym.joint.resistance import prepare
-from cjt_gym.joint.substep import substep
+from cjt_gym.joint.kernel.compiled import lean, shared
+from cjt_gym.joint.kernel.discretize import SCRATCH, discretize
+from cjt_gym.joint.kernel.resistance import prepare
+from cjt_gym.joint.kernel.substep import substep
 
 HALVINGS = 5
 """Of a substep whose equations stay unsolved; what 32 parts do not solve is reported."""

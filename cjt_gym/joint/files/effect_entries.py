@@ -7,11 +7,11 @@ from typing import Any
 
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint.effects import EFFECTS, Effect, EffectParameter
-from cjt_gym.joint.mistakes import Mistakes
-from cjt_gym.joint.parameter_table import axis_units
-from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import Quantity, Setting
-from cjt_gym.joint.units import in_usual_unit
+from cjt_gym.joint.files.mistakes import Mistakes
+from cjt_gym.joint.files.parameter_table import axis_units
+from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.files.quantity import Quantity, Setting
+from cjt_gym.joint.files.units import in_usual_unit
 
 SELECTORS = ("body", "channel")
 CHANNEL_VALUES = ("std", "noise", "resolution", "value")

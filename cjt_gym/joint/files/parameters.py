@@ -1,6 +1,6 @@
 """The validated parameters of one joint.
 
-Units and ranges come from `PARAMETERS`; a joint file is read by `cjt_gym.joint.files`.
+Units and ranges come from `PARAMETERS`; a joint file is read by `cjt_gym.joint.files.joint_file`.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cjt_gym.errors import ParameterError, check_name, did_you_mean, unknown_key
-from cjt_gym.joint.mistakes import Mistakes
-from cjt_gym.joint.parameter_table import AXES, PARAMETERS, ParameterSpec
-from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
-from cjt_gym.joint.units import in_usual_unit
+from cjt_gym.joint.files.mistakes import Mistakes
+from cjt_gym.joint.files.parameter_table import AXES, PARAMETERS, ParameterSpec
+from cjt_gym.joint.files.quantity import FrozenMapping, Quantity, Setting
+from cjt_gym.joint.files.units import in_usual_unit
 
 __all__ = ["PARAMETERS", "JointParameters", "ParameterSpec", "Quantity", "content_of", "sha256_of"]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cjt_gym.errors import ParameterError
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity
 
 if TYPE_CHECKING:
     import pint

@@ -16,11 +16,11 @@ from pathlib import Path
 
 from cjt_gym.errors import did_you_mean
 from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.files import JointFile, load_joint_file, read_joint_text
-from cjt_gym.joint.mistakes import Mistakes
-from cjt_gym.joint.parameter_table import PARAMETERS
-from cjt_gym.joint.parameters import JointParameters, check_quantities
-from cjt_gym.joint.quantity import FrozenMapping, Quantity
+from cjt_gym.joint.files.joint_file import JointFile, load_joint_file, read_joint_text
+from cjt_gym.joint.files.mistakes import Mistakes
+from cjt_gym.joint.files.parameter_table import PARAMETERS
+from cjt_gym.joint.files.parameters import JointParameters, check_quantities
+from cjt_gym.joint.files.quantity import FrozenMapping, Quantity
 
 RENAMED = {"x": "l_a"}
 SAMPLING = {"Ts": "dt", "Ts_elec": "dt_electrical"}
