@@ -139,7 +139,9 @@ def judge(
         fit, plain = (freed_from(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
         freed = joints | {"found": fit.model.at(fit.z), "base": plain.model.at(plain.z)}
         other = best_of(case, test, freed, enough)
-        if cost_of(case, test, freed[other]) <= cost_of(case, test, joints[best]):
+        parts = test, Problem(case.all)  # that which the torque does not move is best on both
+        one, two = (sum(cost_of(case, x, j) for x in parts) for j in (freed[other], joints[best]))
+        if one <= two:
             joints, best, found = freed, other, replace(found, fit=fit, base=plain)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
