@@ -11,6 +11,7 @@ from cjt_gym.console import Answer
 from cjt_gym.console.logs import gear_ratio_of, read_own
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.errors import ConfigurationError, check_name
+from cjt_gym.joint import load_joint_file
 from cjt_gym.records import Record, is_record, read_log
 
 SUFFIXES = (".html", ".png", ".svg", ".pdf")
@@ -22,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "records or logs, by file or by the name of one that ships; drawn in the same axes"
     add("records", nargs="+", metavar="RECORD", help=text)
     add("--mapping", metavar="FILE", help="TOML file that says which column is what, in which unit")
+    add("--joint", metavar="JOINT", help="joint whose gear ratio a mapping needs: a name or a file")
     add("--out", type=Path, required=True, metavar="FILE", help=f"{', '.join(SUFFIXES)}")
     add("--columns", nargs="+", metavar="C", help="what to draw; default: every column")
     text = "part to draw, in the time of the records [s]; default: all"
@@ -38,10 +40,11 @@ def run(options: argparse.Namespace) -> Answer:
     from cjt_gym.datasheet.record_plot import Trace, write_plot  # loads matplotlib
 
     refuse_inputs([options.out], options.records)
+    n = None if options.joint is None else load_joint_file(options.joint).gear_ratio
     traces = [
         Trace(name, _part(record, options.between, word))
         for word in options.records
-        for name, record in _pieces(word, options.mapping)
+        for name, record in _pieces(word, options.mapping, n)
     ]
     known = {name for trace in traces for name in trace.record.columns if name != "t"}
     for name in options.columns or ():
@@ -51,12 +54,12 @@ def run(options: argparse.Namespace) -> Answer:
     return result, f"{options.out}: {', '.join(columns)}"
 
 
-def _pieces(word: str, mapping: str | None) -> list[tuple[str, Record]]:
+def _pieces(word: str, mapping: str | None, n: float | None) -> list[tuple[str, Record]]:
     """Return a record as it is, or the repaired pieces of a log, with their names."""
     name = Path(word).stem
-    if mapping is None and is_record(word):
+    if mapping is None and n is None and is_record(word):
         return [(name, read_own(word))]
-    pieces, _ = read_log(word, mapping, n=gear_ratio_of(word, mapping))
+    pieces, _ = read_log(word, mapping, n=n or gear_ratio_of(word, mapping))
     if len(pieces) == 1:
         return [(name, pieces[0])]
     return [(f"{name}, piece {k}", piece) for k, piece in enumerate(pieces, 1)]

@@ -30,7 +30,7 @@ from cjt_gym.gap.judged.refine import settled
 from cjt_gym.gap.judged.replay import Written, steps, written
 from cjt_gym.gap.next_record.suggest import cautious, suggest
 from cjt_gym.gap.recorded.fields import Fields
-from cjt_gym.gap.recorded.missing import not_judged
+from cjt_gym.gap.recorded.missing import not_judged, undamped
 from cjt_gym.gap.recorded.series import ENOUGH, Stretch
 from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.report.gather import gather, nothing_said, source_of
@@ -217,6 +217,8 @@ def _report(
     drawn = gather(problem, fit, within, before["motor"])
     missing = not_judged(setting)
     said = (*missing, *open_instant(named, setting.series.dt))
+    if any(one.stage == "transmission" for one in left):
+        said = (*said, *undamped(setting))
     lying = where(setting, stages, before, problem.stages.first(fit.residuals))
     drawn = replace(
         drawn, regimes=lying, source=source, ladder=rungs, replays=replays,

@@ -82,16 +82,16 @@ def guess(name: str) -> str | None:
         return "i_cmd" if commanded or reference else kind
     if kind == "tau":
         asked = "tau_cmd" if commanded else "tau_ref" if reference else None
-        own = "tau_m" if _any(MOTOR, words) else "tau_l" if _any(OUTSIDE, words) else "tau"
-        return asked or own
+        sensor = "tau_l" if _any(OUTSIDE, words) and "cell" not in words else "tau"
+        return asked or ("tau_m" if _any(MOTOR, words) else sensor)
     if commanded or reference:
         return "q_ref" if kind == "q" else None
     return kind + ("_l" if _any(LOAD, words) else "_g" if _any(GEAR, words) else "_m")
 
 
 def _words(name: str) -> set[str]:
-    """Return the words of a name in small letters, and the units of a velocity as one."""
-    own = name.rpartition(":")[2] or name
+    """Return the words of a name in small letters, with units of more than one word as one."""
+    own = re.sub(r"\bmN\W?m\b", "Nm", name.rpartition(":")[2] or name)
     plain = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", own).lower()
     words = set(re.findall(r"[a-z]+", plain))
     return words | {f"{unit}/s" for unit in re.findall(r"(deg|rad)(?:/|_|p|ps|/sec)s", plain)}

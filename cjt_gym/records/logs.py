@@ -191,8 +191,9 @@ def _unexplained(path: Path, names: list[str]) -> Log:
         listing = ", ".join(names[:40]) + (", ..." if len(names) > 40 else "")
         raise RecordError(
             f"No column of {path} has the name of a record's column ({', '.join(COLUMNS)}). "
-            f"Columns there: {listing or 'none'}. Say which is which in a mapping beside it; a "
-            f"draft to edit:  cjt-gym convert {path} --out {path.with_suffix(SUFFIX)}"
+            f"Columns there: {listing or 'none'}. Say which is which in a mapping beside it, or "
+            "give that of another log as --mapping FILE (mapping= in Python); a draft to edit:  "
+            f"cjt-gym convert {path} --out {path.with_suffix(SUFFIX)}"
         )
     others = [name for name in names if name not in known]
     left = f" Left out: {', '.join(others)}." if others else ""

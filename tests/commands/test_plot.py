@@ -98,3 +98,18 @@ def test_logs_are_drawn_as_check_reads_them(
     assert main(["plot", str(named), "--mapping", str(mapping), "--out", str(out)]) == 0
     assert main(["plot", str(named), "--out", str(out)]) == 2
     assert "--out named.map.toml" in capsys.readouterr().err.replace(f"{tmp_path}/", "")
+
+
+def test_a_mapping_of_the_motors_side_takes_the_gear_ratio_of_a_joint(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, out = tmp_path / "log.csv", tmp_path / "plot.svg"
+    np.savetxt(log, np.column_stack([np.arange(200), np.arange(200)]), delimiter=",", header="ms,q",
+               comments="")  # fmt: skip
+    (tmp_path / "log.map.toml").write_text(
+        '[columns]\nt = { source = "ms", unit = "ms" }\n'
+        'q_m = { source = "q", unit = "deg", side = "motor" }\n'
+    )
+    assert main(["plot", str(log), "--out", str(out)]) == 2
+    assert "needs the gear ratio" in capsys.readouterr().err
+    assert main(["plot", str(log), "--joint", "orange_80_6000", "--out", str(out)]) == 0

@@ -311,6 +311,8 @@ def test_dates_as_text_are_seconds(tmp_path: Path, zone: str) -> None:
         ("Gravity Torque [Nm]", None),
         ("Output Velocity [dps]", "dq_l"),
         ("mot_ang", "q_m"),
+        ("Load cell [mNm]", "tau"),
+        ("motor torque [mN m]", "tau_m"),
     ],
 )
 def test_a_draft_knows_what_a_name_tells_of_and_what_it_does_not(

@@ -50,12 +50,15 @@ def separating(alike: Mapping[str, Sequence[str]], remedies: Sequence[str] = ())
         alike: Rivals of each effect.
         remedies: What to record instead, the most important first.
     """
-    pairs: dict[frozenset[str], str] = {}
+    pairs: dict[frozenset[str], tuple[str, str]] = {}
     for name, rivals in alike.items():
         for rival in rivals:
-            pairs.setdefault(frozenset((name, rival)), advice(name, rival))
-    told = list(dict.fromkeys(pairs.values()))
-    return " ".join([*told[:MOST_ADVICE], *remedies[:MOST_ADVICE]])
+            pairs.setdefault(frozenset((name, rival)), (name, rival))
+    told: dict[str, list[str]] = {}
+    for pair, (name, rival) in pairs.items():
+        told.setdefault(SEPARATED_BY.get(pair, DEFAULT), []).append(difference(name, rival))
+    said = [f"To tell {', '.join(apart)}, record {how}." for how, apart in told.items()]
+    return " ".join([*said[:MOST_ADVICE], *remedies[:MOST_ADVICE]])
 
 
 def difference(name: str, *rivals: str) -> str:
