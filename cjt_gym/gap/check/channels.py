@@ -70,10 +70,10 @@ class Channel:
         return {
             "name": self.name,
             "unit": self.unit,
-            "low": self.low,
-            "high": self.high,
+            "low": self.low + 0.0,  # no minus before a zero
+            "high": self.high + 0.0,
             "resolution": self.resolution or None,
-            "noise": self.observed or None,
+            "noise": self.observed if self.observed > FINEST * self.span else None,
             "missing": self.missing,
         }
 

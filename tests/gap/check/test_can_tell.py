@@ -10,6 +10,7 @@ import pytest
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import Examination, examine
+from cjt_gym.gap.check.channels import Channel
 from cjt_gym.gap.check.drive import MEASURE
 from cjt_gym.gap.check.examine import _once
 from cjt_gym.gap.horizons.prediction.model import quiet
@@ -260,3 +261,9 @@ def test_no_advice_is_included_in_another() -> None:
     steps = "Record steps of different sizes in the command, and the measured current."
     assert _once(["", MEASURE, steps, MEASURE]) == (steps,)
     assert _once([MEASURE, "Log without gaps.", ""]) == (MEASURE, "Log without gaps.")
+
+
+def test_rounding_is_no_noise_and_zero_has_no_sign() -> None:
+    found = Channel("i", "A", -0.0, 2.0, 0.0, 0.0, 6.8e-15, 0.0, 0.0).to_dict()
+    assert (str(found["low"]), found["noise"]) == ("0.0", None)
+    assert Channel("i", "A", 0.0, 2.0, 0.0, 0.0, 5e-3, 0.0, 0.0).to_dict()["noise"] == 5e-3
