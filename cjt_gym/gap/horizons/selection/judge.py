@@ -139,9 +139,11 @@ def judge(
         fit, plain = (freed_from(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
         freed = joints | {"found": fit.model.at(fit.z), "base": plain.model.at(plain.z)}
         other = best_of(case, test, freed, enough)
-        parts = test, Problem(case.all)  # that which the torque does not move is best on both
-        one, two = (sum(cost_of(case, x, j) for x in parts) for j in (freed[other], joints[best]))
-        if one <= two:
+        worse = [
+            cost_of(case, x, freed[other]) - cost_of(case, x, joints[best])
+            for x in (test, Problem(case.all))
+        ]
+        if worse[0] <= 0.0 and sum(worse) <= 0.0:  # held-out and fitted motion
             joints, best, found = freed, other, replace(found, fit=fit, base=plain)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
