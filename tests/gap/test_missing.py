@@ -239,4 +239,4 @@ def test_a_spring_without_a_stated_damping_is_told(stated: bool) -> None:
 def test_pairs_that_one_experiment_tells_apart_are_told_together() -> None:
     text = separating({"viscous_asym": ["coulomb_asym", "torque_offset"]})
     assert text.count("record") == 1
-    assert "viscous_asym from coulomb_asym, viscous_asym from torque_offset" in text
+    assert "viscous_asym from coulomb_asym and viscous_asym from torque_offset" in text

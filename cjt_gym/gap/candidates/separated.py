@@ -57,7 +57,7 @@ def separating(alike: Mapping[str, Sequence[str]], remedies: Sequence[str] = ())
     told: dict[str, list[str]] = {}
     for pair, (name, rival) in pairs.items():
         told.setdefault(SEPARATED_BY.get(pair, DEFAULT), []).append(difference(name, rival))
-    said = [f"To tell {', '.join(apart)}, record {how}." for how, apart in told.items()]
+    said = [f"To tell {' and '.join(apart)}, record {how}." for how, apart in told.items()]
     return " ".join([*said[:MOST_ADVICE], *remedies[:MOST_ADVICE]])
 
 
