@@ -18,7 +18,8 @@ from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.drive import fit_drive
 from cjt_gym.gap.horizons.prediction.log import to_log
 from cjt_gym.gap.horizons.prediction.model import quiet
-from cjt_gym.gap.horizons.prediction.windows import WHOLE, Piece
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
+from cjt_gym.gap.horizons.prediction.windows import Piece
 from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
 from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.joint.files.parameters import JointParameters

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from cjt_gym.gap.horizons.prediction.windows import HORIZONS, WHOLE, Key
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS, Key
 from cjt_gym.gap.horizons.selection.choice import (
     WORSE_AT_FIRST,
     WORSE_AT_ONCE,

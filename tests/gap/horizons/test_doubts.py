@@ -25,8 +25,8 @@ from cjt_gym.gap.horizons.fitting.terms import _torque_sensor, candidates, scale
 from cjt_gym.gap.horizons.fitting.uncertainty import Spread
 from cjt_gym.gap.horizons.prediction.case import Case, make_case
 from cjt_gym.gap.horizons.prediction.model import Model
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.predictable import Predictable
-from cjt_gym.gap.horizons.prediction.windows import WHOLE
 from cjt_gym.gap.horizons.selection.choice import _loses, best_of, sound_stages
 from cjt_gym.gap.horizons.selection.judgement import NEAR, Judgement, Row
 from cjt_gym.gap.horizons.selection.search_result import Found

@@ -7,8 +7,10 @@ import pytest
 
 from cjt_gym.gap.horizons.prediction.log import Log, to_log
 from cjt_gym.gap.horizons.prediction.pieces import cut, split
-from cjt_gym.gap.horizons.prediction.windows import HORIZONS, make_windows, samples
+from cjt_gym.gap.horizons.prediction.placement import samples, stays
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS, make_windows
 from cjt_gym.joint import get_structure
+from cjt_gym.records import Record
 from tests.gap.horizons.rotor import DT, datasheet, record
 
 RIGID = get_structure("rigid")
@@ -58,3 +60,48 @@ def test_no_fitted_window_enters_what_is_held_out(log: Log) -> None:
             rows[start : start + group.length] = True
     assert all(rows.mean() > 0.15 for rows in used)
     assert not (used[0] & used[1]).any()
+
+
+def resting() -> Log:
+    """Return a log of 60 s that moves for one second, here and there."""
+    t = np.arange(0.0, 60.0, 0.004)
+    v = np.zeros_like(t)
+    for start, size in ((8.0, 30.0), (31.0, -20.0), (52.0, 5.0)):
+        v += size * np.exp(-(((t - start) / 0.1) ** 2))
+    q = np.cumsum(v) * 0.004 + np.random.default_rng(0).normal(0.0, 1e-4, t.shape)
+    record = Record(
+        {"t": t, "q_m": q, "i": 0.1 * np.gradient(v, 0.004)},
+        {"t": "s", "q_m": "rad", "i": "A"},
+        structure="rigid",
+    )
+    return to_log(record, datasheet(), RIGID)
+
+
+def test_in_a_log_that_mostly_rests_half_of_the_windows_move() -> None:
+    log = resting()
+    windows = make_windows([log], cut([log]))
+    (group,) = windows.groups
+    moving = np.count_nonzero(
+        np.ptp(log.states[group.starts[:, None] + range(group.length), 0], 1) > 0.1
+    )
+    assert 0.3 < moving / len(group.starts) < 0.8
+    even = np.linspace(0, len(log) - group.length - 1, 80).astype(int)
+    assert np.count_nonzero(np.ptp(log.states[even[:, None] + range(group.length), 0], 1) > 0.1) < 8
+
+
+@pytest.mark.parametrize("horizon", HORIZONS)
+def test_they_still_stand_for_the_whole_log(horizon: float) -> None:
+    log = resting()
+    windows = make_windows([log], cut([log]))
+    (group,) = windows.groups
+    every, at = np.arange(len(log) - group.length), group.points(horizon, log.dt)
+    moved = log.measured["q_m"][every[:, None] + at] - stays(log, "q_m", horizon, every, at)
+    known = windows.scales[windows.keys.index(("q_m", horizon))]
+    assert known == pytest.approx(np.mean(moved**2), rel=0.25)
+    assert len(group.starts) <= 80
+    assert group.weights.mean() == pytest.approx(1.0)
+
+
+def test_in_a_log_that_moves_all_the_time_they_are_spread_evenly(log: Log) -> None:
+    for group in make_windows([log], cut([log])).groups:
+        assert (group.weights == 1.0).all()

@@ -30,7 +30,7 @@ from cjt_gym.gap.horizons.findings.verdict import (
 )
 from cjt_gym.gap.horizons.fitting.datasheet import stated_tolerance
 from cjt_gym.gap.horizons.prediction.model import Term
-from cjt_gym.gap.horizons.prediction.windows import WHOLE
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
 from cjt_gym.gap.horizons.torque.inverse import seen_in_torque

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cjt_gym.gap.horizons.fitting.fit import MOTION
-from cjt_gym.gap.horizons.prediction.windows import Windows, stays
+from cjt_gym.gap.horizons.prediction.placement import stays
+from cjt_gym.gap.horizons.prediction.windows import Windows
 from cjt_gym.joint import Joint
 from cjt_gym.joint.kernel.arrays import Floats
 
@@ -19,11 +20,11 @@ WITHIN = 0.4
 """Largest share of the windows of a record that are in it."""
 FEWEST, ENOUGH = 3, 30
 """Fewest windows in it, and in a record that is looked at."""
-MOVING = 0.05
+MOVING = 0.003
 """Least square of what a joint or its model does in a window, relative to the usual one."""
 FAR = 25.0
 """Least ratio of the median squares of the relative errors in it and outside."""
-LARGE = 0.1
+LARGE = 0.05
 """Least relative error in it."""
 
 
@@ -51,12 +52,13 @@ def disturbed(windows: Windows, joint: Joint) -> Stretch | None:
     key = (MOTION, AHEAD)
     if key not in windows.keys:
         return None
-    errors, first, found = windows.errors(joint)[windows.keys.index(key)][:, -1], 0, []
+    at, first, found = windows.keys.index(key), 0, []
+    errors = windows.errors(joint)[at][:, -1] * np.sqrt(windows.scales[at]) / windows.roots(key)
     for group in windows.groups_of(key):
         log, count = windows.logs[group.log], len(group.starts)
         points = group.points(AHEAD, log.dt)
         moved = log.measured[MOTION][group.starts + points[-1]]
-        moved = moved - stays(log, key, group, points)[:, -1]
+        moved = moved - stays(log, *key, group.starts, points)[:, -1]
         error = errors[first : first + count]
         first += count
         most = np.maximum(moved**2, (moved + error) ** 2)

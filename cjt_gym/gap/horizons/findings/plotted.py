@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from cjt_gym.gap.evidence import Evidence
 from cjt_gym.gap.horizons.prediction.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.prediction.log import Log
-from cjt_gym.gap.horizons.prediction.windows import WHOLE, Group, Windows
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
+from cjt_gym.gap.horizons.prediction.windows import Group, Windows
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.joint import Joint
 

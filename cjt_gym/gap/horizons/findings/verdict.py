@@ -13,7 +13,8 @@ from cjt_gym.gap.diagnosis import (
     Unexplained,
 )
 from cjt_gym.gap.horizons.findings.corrected_values import imposed, refined
-from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, WHOLE, bootstrapped, relative
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, bootstrapped, relative
 from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, Judgement, Row
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.files.effect_entries import unit_on

@@ -15,7 +15,8 @@ from cjt_gym.gap.horizons.fitting.fit import MOTION
 from cjt_gym.gap.horizons.prediction.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.prediction.log import Log
 from cjt_gym.gap.horizons.prediction.model import Term
-from cjt_gym.gap.horizons.prediction.windows import WHOLE, Windows
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
+from cjt_gym.gap.horizons.prediction.windows import Windows
 from cjt_gym.joint import Joint
 
 LEVEL = 0.05
@@ -46,8 +47,9 @@ def is_delicate(windows: Windows, joint: Joint) -> bool:
             for some in (log, _driven_more(log))
         )
         angle = log.measured[MOTION]
-        known += float(np.sum((angle[group.starts + group.length - 1] - angle[group.starts]) ** 2))
-        moved += float(np.sum((more[:, -1, column] - one[:, -1, column]) ** 2))
+        travel = angle[group.starts + group.length - 1] - angle[group.starts]
+        known += float(group.weights @ travel**2)
+        moved += float(group.weights @ (more[:, -1, column] - one[:, -1, column]) ** 2)
     return bool(moved > (MORE * FAR) ** 2 * known)
 
 

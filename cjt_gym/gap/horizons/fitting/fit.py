@@ -25,7 +25,8 @@ from cjt_gym.gap.candidates.number import STEP
 from cjt_gym.gap.horizons.fitting.parallel import side_by_side
 from cjt_gym.gap.horizons.fitting.terms import scales_of
 from cjt_gym.gap.horizons.prediction.model import Model
-from cjt_gym.gap.horizons.prediction.windows import WHOLE, Windows
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
+from cjt_gym.gap.horizons.prediction.windows import Windows
 
 Floats = NDArray[np.float64]
 LEAST = 3e-3

@@ -3,6 +3,7 @@
 =============  ===============================================================
 `log`          a record on an even time grid, with its gaps and measured states
 `pieces`       pieces of it: what evidence is counted in, or held out
+`placement`    where windows of it start, and what each stands for
 `windows`      windows of it, from a few samples to half a second
 `angle_noise`  noise of a measured angle, and of its slope
 `drive`        what a drive does between command and measured current

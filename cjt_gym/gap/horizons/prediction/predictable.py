@@ -207,13 +207,14 @@ def predictable(
     if min(train.sum() for train, _ in folds) < FEWEST // 2:
         return Predictable(0.0, 1.0)
     sets = [state, np.hstack([state, changes])]
-    known = [_shares(_waves(x, seed), y, folds) for x in sets]
+    root = windows.roots(key)[good][:, None]
+    known = [_shares(root * _waves(x, seed), y, folds) for x in sets]
     if shapes is not None:
-        known.append(_shares(_with_one(shapes[good]), y, folds))
+        known.append(_shares(root * _with_one(shapes[good]), y, folds))
     share, deviation = max(known)
     lasting = False
     if past is not None and past.any():
-        by_past = _shares(_with_one(past[good]), y, folds)
+        by_past = _shares(root * _with_one(past[good]), y, folds)
         lasting = by_past[0] > share
         share, deviation = max(by_past, (share, deviation))
     return Predictable(float(np.clip(share, 0.0, 1.0)), deviation, lasting)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.prediction.forward import CHANNELS, LEAD, Forecast
 from cjt_gym.gap.horizons.prediction.log import Log
-from cjt_gym.gap.horizons.prediction.pieces import SHORTEST, Piece, joined_up, size_of
+from cjt_gym.gap.horizons.prediction.pieces import Piece, joined_up, size_of
+from cjt_gym.gap.horizons.prediction.placement import WHOLE, placed, points, samples, stays
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -18,21 +19,15 @@ Integers = NDArray[np.int64]
 Key = tuple[str, float]
 HORIZONS = (0.02, 0.1, 0.5)
 """Prediction horizons [s]."""
-POINTS = 8
-"""Number of evenly spaced samples of a window that are evaluated."""
 MOST = 80
 """Maximum number of windows of a search."""
 STEP = 1e-3
 """Approximate longest sample time that the joint's kernel takes in one step [s]."""
-WHOLE = 0.0
-"""Horizon key of a piece that is predicted from its first sample to its last."""
 RARE = 0.1
 """Share of a record below which the pieces that are long enough for a horizon do not stand for it:
 between frequent gaps, a single window would decide what happens over that horizon."""
 SCRAP = 0.2
 """Length relative to the longest piece up to which a piece between two gaps is not such a one."""
-LONG = 400
-"""Number of samples of such a piece that are evaluated."""
 DECISIVE, PREDICTED = 8, 3.0
 """Number of pieces above which a single piece is not decisive, and the ratio of the errors in it
 above which the other joint predicts what happens there."""
@@ -56,6 +51,7 @@ class Group:
         length: Samples of each window.
         pieces: Piece of each window, numbered over all records, shape (W,).
         leads: Samples before each window over which the joint is held to the record, shape (W,).
+        weights: Number of evenly spread windows that each stands for, shape (W,).
     """
 
     log: int
@@ -64,13 +60,11 @@ class Group:
     length: int
     pieces: Integers
     leads: Integers
+    weights: Floats
 
     def points(self, horizon: float, dt: float) -> Integers:
         """Return the samples of a window that are evaluated at a horizon."""
-        if horizon == WHOLE:
-            return np.unique(np.linspace(1, self.length - 1, min(self.length, LONG)).astype(int))
-        last = min(samples(horizon, dt), self.length) - 1
-        return np.unique(np.linspace(0, last, POINTS + 1).astype(int)[1:])
+        return points(horizon, self.length, dt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +108,7 @@ class Windows:
                 starts=g.starts[::step].copy(),
                 pieces=g.pieces[::step],
                 leads=g.leads[::step].copy(),
+                weights=g.weights[::step],
             )
             for g in groups
         ]
@@ -127,8 +122,8 @@ class Windows:
     def errors(self, joint: Joint) -> list[Floats]:
         """Return predicted minus measured for each key, shape (windows, points) each.
 
-        Errors are relative to the rms change of the channel. They are `AWAY` where the prediction
-        is not finite.
+        Errors are relative to the rms change of the channel, times the root of the weight of their
+        window. They are `AWAY` where the prediction is not finite.
         """
         parts: dict[Key, list[Floats]] = {key: [] for key in self.keys}
         used = {group.log for group in self.groups}
@@ -137,9 +132,9 @@ class Windows:
             log = self.logs[group.log]
             lengths = np.full(len(group.starts), group.length)
             out = forecasts[group.log].windows(group.starts, lengths, group.leads)
-            for key, points in self._kinds(group):
-                at = group.starts[:, None] + points
-                error = out[:, points, CHANNELS[key[0]]] - log.measured[key[0]][at]
+            for key, at in self._kinds(group):
+                known = log.measured[key[0]][group.starts[:, None] + at]
+                error = out[:, at, CHANNELS[key[0]]] - known
                 if key[0] == "tau":  # every record has its own zero
                     good = np.isfinite(error)
                     error = error - (np.mean(error[good]) if good.any() else 0.0)
@@ -147,7 +142,8 @@ class Windows:
         found = []
         for k, key in enumerate(self.keys):
             error = _joined(parts[key]) / np.sqrt(self.scales[k])
-            found.append(np.where(np.abs(error) < AWAY, error, AWAY))
+            error = np.where(np.abs(error) < AWAY, error, AWAY)
+            found.append(error * self.roots(key)[:, None])
         return found
 
     @property
@@ -155,8 +151,8 @@ class Windows:
         """Errors of a joint that cannot be simulated, like those of `errors`."""
         shapes: dict[Key, list[tuple[int, int]]] = {key: [] for key in self.keys}
         for group in self.groups:
-            for key, points in self._kinds(group):
-                shapes[key].append((len(group.starts), len(points)))
+            for key, at in self._kinds(group):
+                shapes[key].append((len(group.starts), len(at)))
         sizes = ((sum(n for n, _ in s), max(m for _, m in s)) for s in shapes.values())
         return [np.full(size, AWAY) for size in sizes]
 
@@ -172,14 +168,13 @@ class Windows:
         """Return the piece of each window of a kind, shape (W,)."""
         return np.concatenate([g.pieces for g in self.groups_of(key)])
 
+    def roots(self, key: Key) -> Floats:
+        """Return the root of the weight of each window of a kind, shape (W,)."""
+        return np.concatenate([np.sqrt(g.weights) for g in self.groups_of(key)])
+
     def groups_of(self, key: Key) -> list[Group]:
         """Return the groups with errors of a kind."""
         return [g for g in self.groups if key in [kind for kind, _ in self._kinds(g)]]
-
-
-def samples(horizon: float, dt: float) -> int:
-    """Return the number of samples of a window for a horizon [s]."""
-    return max(SHORTEST, round(horizon / dt))
 
 
 def _joined(parts: list[Floats]) -> Floats:
@@ -191,7 +186,7 @@ def _joined(parts: list[Floats]) -> Floats:
 def make_windows(
     logs: Sequence[Log], pieces: Sequence[Piece], most: int = MOST, *, whole: bool = False
 ) -> Windows:
-    """Return windows spread evenly over pieces of records.
+    """Return windows over pieces of records, placed as `placement` says.
 
     A window may run on into the next piece if there is no gap between them, and counts to that in
     which it starts. What is too short for the longest horizon gets windows of the longest that
@@ -216,42 +211,22 @@ def make_windows(
                 continue
             left = [p for p in left if p.stop - p.start <= length]
             share = most * size_of(own) / total
-            starts, room = _spread(own, length, max(share, 1.0))
+            horizons = HORIZONS[:count]
+            starts, before, weights = placed(log, own, length, max(share, 1.0), horizons)
             if len(starts):
                 numbers = np.array(here)[np.searchsorted(firsts, starts, side="right") - 1]
-                room = starts if log.whole.all() else room
+                room = starts if log.whole.all() else before
                 lead = np.minimum(max(round(LEAD / log.dt), 3), room)
-                groups.append(Group(number, HORIZONS[:count], starts, length, numbers, lead))
+                groups.append(Group(number, horizons, starts, length, numbers, lead, weights))
     if whole:
         longest = max((p.stop - p.start for p in pieces), default=0)
         groups += [
             Group(p.log, (WHOLE,), np.array([p.start]), p.stop - p.start, np.array([k]),
-                  np.array([0]))
+                  np.array([0]), np.ones(1))
             for k, p in enumerate(pieces)
             if p.stop - p.start > SCRAP * longest
         ]  # fmt: skip
     return _scaled(tuple(logs), tuple(groups))
-
-
-def _spread(own: Sequence[Piece], length: int, share: float) -> tuple[Integers, Integers]:
-    """Return starts of windows, spread evenly, and the samples of their piece before each.
-
-    Each piece is longer than a window. Where it has several, the last ends where the piece does: a
-    quick stop there shows an inertia that slow motion does not.
-    """
-    total = size_of(own)
-    starts: list[int] = []
-    before: list[int] = []
-    due = 0.0
-    for p in own:
-        due += share * (p.stop - p.start) / total
-        count = int(due)
-        due -= count
-        room = p.stop - p.start - length
-        places = np.unique(np.linspace(0.0 if count > 1 else room / 2, room, count).astype(int))
-        starts += (p.start + places).tolist()
-        before += places.tolist()
-    return np.array(starts, dtype=np.int64), np.array(before, dtype=np.int64)
 
 
 def rescaled(windows: Windows) -> Windows:
@@ -264,25 +239,14 @@ def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
     squares: dict[Key, list[Floats]] = {}
     for group in groups:
         log = logs[group.log]
-        for key, points in blank._kinds(group):
-            x = log.measured[key[0]][group.starts[:, None] + points]
-            did = x - stays(log, key, group, points)
+        for key, at in blank._kinds(group):
+            x = log.measured[key[0]][group.starts[:, None] + at]
+            did = (x - stays(log, *key, group.starts, at)) * np.sqrt(group.weights)[:, None]
             squares.setdefault(key, []).append(did**2)
     scales = [sum(float(x.sum()) for x in s) / sum(x.size for x in s) for s in squares.values()]
     each = [np.concatenate([x.mean(axis=1) for x in s]) for s in squares.values()]
     moving = tuple(x > STILL * scale for x, scale in zip(each, scales, strict=True))
     return Windows(logs, groups, tuple(squares), np.maximum(scales, TINY**2), moving)
-
-
-def stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:
-    """Return the channel extrapolated from the start at constant speed, shape (W, points)."""
-    channel, horizon = key
-    if channel == "tau" or horizon == WHOLE:
-        return np.full((len(group.starts), 1), float(np.mean(log.measured[channel])))
-    column = 0 if channel == "q_m" else 2
-    states = log.first if log.from_slope else log.states
-    q, v = states[group.starts, column], states[group.starts, column + 3]
-    return np.asarray(q[:, None] + v[:, None] * points * log.dt, dtype=np.float64)
 
 
 def relative(windows: Windows, errors: Sequence[Floats]) -> dict[Key, float]:

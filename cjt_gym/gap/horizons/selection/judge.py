@@ -17,8 +17,9 @@ from cjt_gym.gap.horizons.fitting.terms import candidates, cogging, gravity, lik
 from cjt_gym.gap.horizons.fitting.user_effects import own_terms
 from cjt_gym.gap.horizons.prediction.case import Case, by_angle, late, sharp
 from cjt_gym.gap.horizons.prediction.model import Model, Term
+from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.predictable import left as left_by
-from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, WHOLE, relative
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.selection.choice import (
     best_of,
     cost_of,

@@ -86,7 +86,7 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
         one, two = (
             np.bincount(pieces, bounded(fit.errors[k], moving)[0], size) for fit in (less, more)
         )
-        count = np.bincount(pieces, minlength=size)
+        count = np.bincount(pieces, problem.windows.roots(key) ** 2, size)
         there |= count > 0
         middle = float(np.sqrt(one.sum() * two.sum()))
         gains += problem.strength * problem.weight(key) * (one - two) / max(middle, 1e-12)
