@@ -23,7 +23,7 @@ from cjt_gym.gap.digits import plain
 from cjt_gym.gap.evidence import Source
 from cjt_gym.gap.horizons.findings.answer import title_of
 from cjt_gym.gap.horizons.prediction.model import MEASURES
-from cjt_gym.gap.joint_file import identified_joint, rounded, told_by
+from cjt_gym.gap.identified import identified_joint, rounded, told_by
 from cjt_gym.gap.judged.gap_size import HARM, measure_gap
 from cjt_gym.gap.judged.naming import doubted, name_effects
 from cjt_gym.gap.judged.refine import settled

@@ -20,7 +20,7 @@ from cjt_gym.gap.diagnosis import ENOUGH, Diagnosis, Suggestion
 from cjt_gym.gap.horizons.findings.answer import at_the_floor, judged, title_of
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
 from cjt_gym.gap.horizons.prediction.model import MEASURES
-from cjt_gym.gap.joint_file import with_sensors
+from cjt_gym.gap.identified import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.driven import driven_only, is_left

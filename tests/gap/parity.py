@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.diagnosis import NamedEffect
-from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.identified import identified_joint
 from cjt_gym.gap.judged.replay import Written, exactly
 from cjt_gym.gap.next_record.design import pretended
 from cjt_gym.gap.recorded.fields import Fields

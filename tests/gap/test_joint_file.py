@@ -13,7 +13,7 @@ from cjt_gym.blind import draw_case, write_case
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.candidates.table import Candidate, all_candidates
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
-from cjt_gym.gap.joint_file import identified_joint, told_by
+from cjt_gym.gap.identified import identified_joint, told_by
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile, load_joint_file
 from cjt_gym.joint.files.quantity import Quantity

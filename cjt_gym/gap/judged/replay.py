@@ -21,7 +21,7 @@ from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.candidates.nuisances import FRICTION
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.prediction.model import quiet
-from cjt_gym.gap.joint_file import Refined, identified_joint
+from cjt_gym.gap.identified import Refined, identified_joint
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series, slope
 from cjt_gym.gap.recorded.setting import Setting

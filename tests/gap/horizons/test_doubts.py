@@ -13,8 +13,8 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.horizons.findings.found_joint import _torn
 from cjt_gym.gap.horizons.findings.held_output import held_alike
-from cjt_gym.gap.horizons.findings.joint_file import _torn
 from cjt_gym.gap.horizons.findings.naming import _is_dry
 from cjt_gym.gap.horizons.findings.naming_rules import is_named, may_be_as_stated
 from cjt_gym.gap.horizons.findings.verdict import unexplained_of, verdict_of

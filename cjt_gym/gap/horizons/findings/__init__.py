@@ -10,7 +10,7 @@
 `verdict`           gap, stages, verdict and what stays unexplained
 `disturbance`       a stretch in which something else acted
 `plotted`           signals for the report
-`joint_file`        the joint that was found, with its intervals
+`found_joint`       the joint that was found, with its intervals
 `as_diagnosis`      a judgement as a diagnosis
 `stages_kept`       what stands of the stages' diagnosis
 `answer`            the diagnosis, by stages or by horizons

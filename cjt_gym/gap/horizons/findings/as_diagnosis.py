@@ -16,7 +16,7 @@ from cjt_gym.gap.horizons.findings.corrected_values import (
     moving_together,
     refined,
 )
-from cjt_gym.gap.horizons.findings.joint_file import joint_of
+from cjt_gym.gap.horizons.findings.found_joint import joint_of
 from cjt_gym.gap.horizons.findings.naming import effects_of
 from cjt_gym.gap.horizons.findings.not_confirmed import with_rivals
 from cjt_gym.gap.horizons.findings.plotted import pictured

@@ -18,8 +18,8 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.horizons.findings.as_diagnosis import horizons_of
 from cjt_gym.gap.horizons.findings.corrected_values import LATE, corrected, gave_way, left_tolerance
+from cjt_gym.gap.horizons.findings.found_joint import found_at
 from cjt_gym.gap.horizons.findings.held_output import held_alike
-from cjt_gym.gap.horizons.findings.joint_file import found_at
 from cjt_gym.gap.horizons.findings.naming import of_drive
 from cjt_gym.gap.horizons.findings.verdict import DRIFTLESS, main_row, unexplained_of
 from cjt_gym.gap.horizons.prediction.case import as_joint

@@ -14,7 +14,7 @@ from cjt_gym.gap.horizons.findings.by_torque import inertia_by_torque
 from cjt_gym.gap.horizons.fitting.covariance import Scatter
 from cjt_gym.gap.horizons.fitting.uncertainty import spread_of
 from cjt_gym.gap.horizons.selection.judgement import Judgement
-from cjt_gym.gap.joint_file import identified
+from cjt_gym.gap.identified import identified
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.files.effect_entries import unit_on
 from cjt_gym.joint.files.quantity import FrozenMapping, Plain, Quantity, freeze
