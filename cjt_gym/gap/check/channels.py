@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -57,7 +58,8 @@ class Channel:
     @property
     def noise(self) -> float:
         """Return the effective standard deviation of a sample, never zero."""
-        known = self.observed or (self.specified if self.specified != self.resolution else 0.0)
+        is_step = math.isclose(self.specified, self.resolution, rel_tol=1e-3)
+        known = self.observed or (0.0 if is_step else self.specified)
         return float(max(known, self.resolution / np.sqrt(12.0), FINEST * self.span, 1e-300))
 
     @property

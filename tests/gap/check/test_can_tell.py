@@ -267,3 +267,9 @@ def test_rounding_is_no_noise_and_zero_has_no_sign() -> None:
     found = Channel("i", "A", -0.0, 2.0, 0.0, 0.0, 6.8e-15, 0.0, 0.0).to_dict()
     assert (str(found["low"]), found["noise"]) == ("0.0", None)
     assert Channel("i", "A", 0.0, 2.0, 0.0, 0.0, 5e-3, 0.0, 0.0).to_dict()["noise"] == 5e-3
+
+
+@pytest.mark.parametrize("seen", [0.748, 0.748 * (1.0 + 2e-8)])
+def test_a_step_that_is_stated_is_no_noise_of_a_whole_step(seen: float) -> None:
+    found = Channel("dq_m", "rad/s", 0.0, 5.236, seen, 0.748, 0.0, 0.0, 0.0)
+    assert found.noise == pytest.approx(0.748 / np.sqrt(12.0))
