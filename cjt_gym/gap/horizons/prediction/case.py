@@ -80,8 +80,9 @@ def make_case(
     own, kept = (pieces, cut(other)) if other else split(logs, pieces)
     whole = shape.output_fixed
     fit = make_windows(logs, own, whole=whole)
-    test = make_windows(other or logs, kept or own, TEST, whole=whole)
-    every = test if other else make_windows(logs, pieces, TEST, whole=whole)
+    tested = partial(make_windows, most=TEST, whole=whole, kept=1.0)
+    test = tested(other or logs, kept or own)
+    every = test if other else tested(logs, pieces)
     response = fit_drive(first, [p for p in own if p.log == 0])
     return Case(joint, tuple(logs), fit, test, every, response, bool(other))
 

@@ -29,8 +29,8 @@ EVEN = 0.5
 """Share of evenly spread windows that tell of the motion, above which all are spread evenly. It is
 0.02 to 0.46 in 42 real logs, most of motors that rest between moves, and 0.5 to 0.93 in 75 others
 and 50 simulated ones."""
-SPREAD = 0.5
-"""Share that is spread evenly otherwise."""
+SPREAD, LIVELY = 0.5, 0.5
+"""Share that is spread evenly otherwise, and the share that is placed by the motion."""
 LOOKS = 20_000
 """Number of possible starts at which it is seen how much moves."""
 OF_ONE = 0.125
@@ -76,9 +76,17 @@ def stays(log: Log, channel: str, horizon: float, starts: Integers, at: Integers
 
 
 def placed(
-    log: Log, own: Sequence[Piece], length: int, share: float, horizons: Sequence[float]
+    log: Log,
+    own: Sequence[Piece],
+    length: int,
+    share: float,
+    horizons: Sequence[float],
+    kept: float = SPREAD,
 ) -> Places:
-    """Return about `share` windows of some length in pieces that are longer than that."""
+    """Return about `share` windows of some length in pieces that are longer than that.
+
+    Of a log that mostly rests a share of `kept` of them is spread evenly.
+    """
     even = _spread(own, length, share)
     places = [np.arange(p.start, p.stop - length, _stride(own, length)) for p in own]
     if len(even.starts) < 2 or not sum(map(len, places)):
@@ -91,15 +99,15 @@ def placed(
     each = np.bincount(piece, motion)
     motion *= np.minimum(1.0, OF_ONE * each.sum() / np.maximum(each, NOTHING))[piece]
     density = motion / motion.sum()
-    count = round((1.0 - SPREAD) * len(even.starts))
+    count = round(LIVELY * len(even.starts))
     quantiles = (np.arange(count) + 0.5) / count
     lively = at[np.minimum(np.searchsorted(np.cumsum(density), quantiles), len(at) - 1)]
     starts, times = np.unique(
-        np.concatenate([_spread(own, length, SPREAD * share).starts, lively]), return_counts=True
+        np.concatenate([_spread(own, length, kept * share).starts, lively]), return_counts=True
     )
     index = np.searchsorted(at, starts, side="right") - 1
     before = starts - np.array([p.start for p in own])[piece[index]]
-    weights = times / (SPREAD + (1.0 - SPREAD) * density[index] * len(at))
+    weights = times / (kept + LIVELY * density[index] * len(at))
     return Places(starts, before, weights / weights.mean())
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.prediction.forward import CHANNELS, LEAD, Forecast
 from cjt_gym.gap.horizons.prediction.log import Log
 from cjt_gym.gap.horizons.prediction.pieces import Piece, joined_up, size_of
-from cjt_gym.gap.horizons.prediction.placement import WHOLE, placed, points, samples, stays
+from cjt_gym.gap.horizons.prediction.placement import SPREAD, WHOLE, placed, points, samples, stays
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -184,7 +184,12 @@ def _joined(parts: list[Floats]) -> Floats:
 
 
 def make_windows(
-    logs: Sequence[Log], pieces: Sequence[Piece], most: int = MOST, *, whole: bool = False
+    logs: Sequence[Log],
+    pieces: Sequence[Piece],
+    most: int = MOST,
+    *,
+    whole: bool = False,
+    kept: float = SPREAD,
 ) -> Windows:
     """Return windows over pieces of records, placed as `placement` says.
 
@@ -197,6 +202,7 @@ def make_windows(
         pieces: Pieces in which the windows may lie.
         most: Maximum number of windows.
         whole: Whether whole pieces are windows, too, as with a held output.
+        kept: Share of the windows that is spread evenly over logs that mostly rest.
     """
     groups = []
     total = max(size_of(pieces), 1)
@@ -212,7 +218,7 @@ def make_windows(
             left = [p for p in left if p.stop - p.start <= length]
             share = most * size_of(own) / total
             horizons = HORIZONS[:count]
-            starts, before, weights = placed(log, own, length, max(share, 1.0), horizons)
+            starts, before, weights = placed(log, own, length, max(share, 1.0), horizons, kept)
             if len(starts):
                 numbers = np.array(here)[np.searchsorted(firsts, starts, side="right") - 1]
                 room = starts if log.whole.all() else before
