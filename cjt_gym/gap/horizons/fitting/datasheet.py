@@ -16,10 +16,11 @@ SPARED = 0.1
 def stated_tolerance(joint: Joint, term: Term) -> float | None:
     """Return the relative deviation stated by a datasheet, or None.
 
-    For the inertia it is that of all bodies that move with the motor.
+    For inertia and damping it is that of all bodies that move with the motor.
     """
-    moving = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
-    symbols = moving if term.name == "inertia" else [term.numbers[0].symbol]
+    symbol = term.numbers[0].symbol
+    moving = [f"{symbol[:2]}{b}" for b in body_group(joint.structure_row, "m")]
+    symbols = moving if symbol in ("I_m", "d_m") else [symbol]
     known = joint.parameters.quantities
     parts = [known[s] for s in symbols if s in known and known[s].number > 0.0]
     if not parts or any(q.tolerance is None for q in parts):
