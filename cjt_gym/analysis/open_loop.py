@@ -2,7 +2,8 @@
 
 Inputs are those of `Joint.state_space` with the motor torque, or in its place the motor current "i"
 (tau_m = k i with k = k_t n), or the voltage "v" at the drive of the joint: with "static"
-k (v - k dq_m) / r, and with "rl" and "dq" behind the inductance, too. Effects are not in it.
+k (v - k dq_m) / r, and with "rl" and "dq" behind the inductance, too. Its parameters are
+`Joint.actual`; no other effect is in it.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ def matrices(joint: Joint, input: str = "tau_m", output: str = "tau") -> Matrice
             "The structure rigid has no torsion bar, so no output tau. Ask for dq_m, or take "
             "another structure."
         )
-    p, row = joint.parameters, joint.structure_row
+    p, row = joint.actual, joint.structure_row
     a, b, c, d = state_matrices(p, row)
     if row.output_fixed and input != "load":  # the load's angle only answers to its velocity
         kept = [k for k in range(row.order) if k != row.size]
@@ -213,7 +214,7 @@ def _names(joint: Joint, input: str, order: int) -> list[str]:
 
 def _pole_name(joint: Joint, states: dict[str, complex], oscillates: bool) -> str:
     """Return the mode's name by where most of its energy is."""
-    p, row = joint.parameters, joint.structure_row
+    p, row = joint.actual, joint.structure_row
     first = {g: body for body, g in reversed(list(zip("mgl", row.groups, strict=True)))}
     still = {"q_held": 0j, "dq_held": 0j}
     at = {body: first.get(g, "held") if g >= 0 else "held"

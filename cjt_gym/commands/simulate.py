@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -78,7 +79,8 @@ def run(options: argparse.Namespace) -> Answer:
     used = [] if options.controller is None else files_of(options.controller)
     refuse_inputs([options.out], [options.reference, options.joint, *used])
     task = _task(options)
-    loaded = default_load(options.joint, task.structure, {})
+    # A command is replayed by the joint as its file says; no torque is held against it.
+    loaded = {} if task.controller == NONE else default_load(options.joint, task.structure, {})
     effects = asked_effects(options)
     joint = load_joint(options.joint, task.structure, options.drive, effects, loaded)
     dt_physics = options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9))
@@ -91,7 +93,7 @@ def run(options: argparse.Namespace) -> Answer:
     tracks = "tau_ref" in record
     error = record["tau_ref"] - record["true_tau"] if tracks else np.array([np.nan])
     rmse = float(np.sqrt(np.mean(error**2)))
-    result = {
+    result: dict[str, Any] = {
         "record": str(path),
         "samples": len(record),
         "controller": task.controller,
@@ -99,11 +101,24 @@ def run(options: argparse.Namespace) -> Answer:
         "drive": joint.drive,
         "effects": plain_effects(joint.effects),
         "rmse": rmse if tracks else None,
+        "added_load": loaded.get("I_l"),
         "peak_torque": float(np.abs(record["true_tau"]).max()),
     }
     how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
-    peak = f"peak torque {result['peak_torque']:.4g} N m"
-    return result, f"{path}: {len(record)} samples, {how}, {peak}"
+    largest = result["peak_torque"]
+    peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
+    return result, f"{path}: {len(record)} samples, {how}{peak}{_hung(joint, loaded)}"
+
+
+def _hung(joint: Joint, loaded: Mapping[str, float]) -> str:
+    """Return what to say of a load that the joint file does not have."""
+    if "I_l" not in loaded:
+        return ""
+    p = joint.parameters
+    return (
+        f". A load of I_l = {loaded['I_l']:.4g} {p.unit('I_l')} hangs on it, as {p.name} has none "
+        "that torques could be held against; give I_l in the joint file to set it"
+    )
 
 
 @dataclass(frozen=True, eq=False)

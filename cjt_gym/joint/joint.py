@@ -23,6 +23,7 @@ from cjt_gym.joint.configure import (
     plain_effects,
     resolve_effects,
 )
+from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.files.joint_file import JointFile, load_joint_file
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.kernel.arrays import (
@@ -96,6 +97,22 @@ class Joint:
         return self.file.parameters
 
     @property
+    def actual(self) -> JointParameters:
+        """The parameters with the values that effects give instead.
+
+        These are inertias, dampings, stiffnesses and limits that differ from the joint file's, as
+        a diagnosis finds them. Controllers know only the file's.
+        """
+        own = {
+            number.symbol: value
+            for name, values in self.effects.items()
+            for number in EFFECTS[name].parameters
+            if number.relative_to == number.symbol
+            and isinstance(value := values.get(number.symbol), float)
+        }
+        return self.parameters.replace(**own) if own else self.parameters
+
+    @property
     def structure_row(self) -> Structure:
         """The structure's row in the table."""
         return get_structure(self.structure)
@@ -120,10 +137,11 @@ class Joint:
         """Return the linear joint, continuous, or exact for inputs held over dt [s].
 
         Inputs are (tau_m, tau_l) or, where the output is fixed, (tau_m, dq_l); outputs are
-        (q_m, q_g, q_l, dq_m, dq_g, dq_l, tau). Effects are not in it. A `rigid` joint has no
-        torsion bar: its tau is zero here, while `simulate` gives the torque it passes on.
+        (q_m, q_g, q_l, dq_m, dq_g, dq_l, tau). Its parameters are the `actual` ones; no other
+        effect is in it. A `rigid` joint has no torsion bar: its tau is zero here, while `simulate`
+        gives the torque it passes on.
         """
-        return linear.state_space(self.parameters, self.structure_row, dt)
+        return linear.state_space(self.actual, self.structure_row, dt)
 
     def transfer_function(
         self, output: str = "tau", input: str = "tau_m", dt: float | None = None

@@ -122,3 +122,15 @@ def test_a_step_that_ends_at_rest_has_no_figures() -> None:
     answer = step(load_joint("orange_80_6000", "output_fixed", effects={}), "tau_m", "dq_m")
     assert np.isnan(answer.final)
     assert np.isfinite(answer.y).all()
+
+
+def test_a_joint_with_values_of_its_own_is_the_one_that_has_them() -> None:
+    own = {"inertia": {"I_m": 0.4}, "damping": {"d_m": 3.0}, "stiffness": {"k_b": 5e3}}
+    found = load_joint("orange_80_6000", "output_fixed", effects=own)
+    values = {"I_m": 0.4, "d_m": 3.0, "k_b": 5e3}
+    given = load_joint("orange_80_6000", "output_fixed", effects={}, parameters=values)
+    f = np.geomspace(0.5, 50.0, 7)
+    np.testing.assert_allclose(frequency_response(found, f), frequency_response(given, f))
+    np.testing.assert_allclose(found.state_space().A, given.state_space().A)
+    assert [p.value for p in poles(found)] == pytest.approx([p.value for p in poles(given)])
+    assert found.parameters.I_m != 0.4, "controllers know the joint file's"

@@ -10,7 +10,7 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.errors import RecordError
-from cjt_gym.joint import load_joint_file, to_toml
+from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.records import joint_of, read_log, read_record
 from cjt_gym.records.draft import draft
 
@@ -195,3 +195,29 @@ def test_a_log_without_a_line_of_names_is_told_so(
     said = capsys.readouterr().err
     assert "must begin with a line of column names" in said
     assert "got the numbers 0.0" in said
+
+
+def test_a_replayed_command_moves_the_joint_as_its_file_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "replayed.npz"
+    words = ["--reference", "emps", "--controller", "none", "--duration", "3", "--out", str(out)]
+    assert main(["simulate", "emps", *words]) == 0
+    known = read_record("emps")
+    n = len(read_record(out)["q_m"])
+    joint = load_joint("emps")
+    p = joint.parameters
+    tau = p.k_t * p.n * known["i_cmd" if "i_cmd" in known else "i"][:n]
+    made = joint.simulate(tau, dt=known.dt)["true_q_m"]
+    assert read_record(out)["q_m"] == pytest.approx(made[:n], abs=2e-4)
+    assert "hangs on it" not in capsys.readouterr().out
+
+
+def test_a_load_that_is_hung_on_a_joint_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "x.csv")
+    words = ["--structure", "rigid", "--duration", "0.1", "--out", out]
+    assert main(["simulate", "orange_80_6000", *words]) == 0
+    p = load_joint_file("orange_80_6000").parameters
+    assert f"A load of I_l = {10.0 * (p.I_m + p.I_g):.4g} kg m^2" in capsys.readouterr().out
