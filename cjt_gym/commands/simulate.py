@@ -135,7 +135,8 @@ class Task:
 def _task(options: argparse.Namespace) -> Task:
     """Return what the options, and the record they may name as reference, ask for."""
     word = options.reference
-    recorded = read_own(word) if Path(word).suffix or word in record_names() else None
+    given = Path(word).suffix or word in record_names()
+    recorded = read_own(word, options.joint) if given else None
     commanded = recorded is not None and any(name in recorded for name in COMMANDS)
     tracked = recorded is None or "tau_ref" in recorded
     controller = options.controller or (NONE if commanded and not tracked else TRACKING)

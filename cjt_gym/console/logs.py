@@ -18,6 +18,14 @@ def gear_ratio_of(log: str | Path, mapping: str | None = None) -> float | None:
         return None
 
 
-def read_own(log: str | Path) -> Record:
-    """Return a record, with the gear ratio of its joint where its mapping gives none."""
-    return read_record(log, n=gear_ratio_of(log))
+def read_own(log: str | Path, joint: str | None = None) -> Record:
+    """Return a record, with the gear ratio of its joint where its mapping gives none.
+
+    Args:
+        log: The record or log.
+        joint: The joint to take it from where the log names none that is at hand.
+    """
+    n = gear_ratio_of(log)
+    if n is None and joint is not None:
+        n = load_joint_file(joint).gear_ratio
+    return read_record(log, n=n)

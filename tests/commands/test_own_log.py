@@ -221,3 +221,14 @@ def test_a_load_that_is_hung_on_a_joint_is_told(
     assert main(["simulate", "orange_80_6000", *words]) == 0
     p = load_joint_file("orange_80_6000").parameters
     assert f"A load of I_l = {10.0 * (p.I_m + p.I_g):.4g} kg m^2" in capsys.readouterr().out
+
+
+def test_a_log_that_is_replayed_takes_the_gear_ratio_of_the_joint(
+    log: Path, tmp_path: Path
+) -> None:
+    mapping = log.with_suffix(".map.toml")
+    mapping.write_text(MAPPING.replace("[columns.i]", "[columns.i_cmd]"))
+    out = tmp_path / "replayed.npz"
+    words = ["--reference", str(log), "--controller", "none", "--out", str(out)]
+    assert main(["simulate", "orange_80_6000", *words]) == 0
+    assert np.ptp(read_record(out)["q_m"]) > 0.0
