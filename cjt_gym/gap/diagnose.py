@@ -87,6 +87,8 @@ def diagnose(
         raise _driven_by_another(first)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
         raise _nothing_moves(first)
+    for record in (*given, *held):
+        _check_angle(record)
     absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
     remarks = [f"{name} {said}, and was not used." for name, said in absent.items()]
     driven, moved = driven_only(bridged(measured_only([*given, *held]))[0], shape)
@@ -125,6 +127,18 @@ def diagnose(
     found = replace(found, unexplained=replace(found.unexplained, text=text))
     found = replace(found, seconds=time.perf_counter() - started)
     return remarked(found, given, pieces, shape, remarks)
+
+
+def _check_angle(record: Record) -> None:
+    """Reject a record in which the motor's angle is dead while its velocity moves."""
+    if not {"q_m", "dq_m"} <= record.keys():
+        return
+    q, dq = record["q_m"], record["dq_m"]
+    if np.isfinite(q).any() and np.nanmax(q) == np.nanmin(q) and np.nanmax(dq) > np.nanmin(dq):
+        raise RecordError(
+            f"{record.owner}: q_m never changes, though dq_m does. Map the column of the motor's "
+            "angle as q_m, or leave q_m out: the velocity suffices."
+        )
 
 
 def _driven_by_another(record: Record) -> RecordError:

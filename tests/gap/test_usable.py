@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cjt_gym.errors import ConfigurationError, UnknownNameError
+from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.horizons.findings.corrected_values import corrected
@@ -106,3 +106,12 @@ def test_a_log_of_which_little_was_used_says_so() -> None:
     broken = Record(columns, made.units, structure="rigid")
     assert "has gaps" in diagnose(broken, datasheet(), "rigid").unexplained.text
     assert "has gaps" not in diagnose(made, datasheet(), "rigid").unexplained.text
+
+
+def test_a_dead_angle_beside_a_velocity_that_moves_is_refused() -> None:
+    made = record(seconds=2.0)
+    speed = np.gradient(made["q_m"], made.dt)
+    columns = {"t": made["t"], "q_m": 0.0 * speed, "dq_m": speed, "i": made["i"]}
+    units = {"t": "s", "q_m": "rad", "dq_m": "rad/s", "i": "A"}
+    with pytest.raises(RecordError, match="q_m never changes, though dq_m does"):
+        diagnose(Record(columns, units, structure="rigid"), datasheet())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SCALES, SLOPES
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SCALES, SLOPES, UNITS
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.findings.naming import as_plain
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
@@ -23,7 +23,7 @@ def told() -> Diagnosis:
 def test_nothing_is_confirmed_where_instants_or_a_velocity_contradict(told: Diagnosis) -> None:
     sure = tuple(replace(e, status="confirmed", confusable_with=()) for e in told.effects)
     assert told.examination is not None
-    doubts = ((ONE_INSTANT,), (SLOPES,), (FACTOR,), (SCALES,))
+    doubts = ((ONE_INSTANT,), (SLOPES,), (FACTOR,), (SCALES,), (UNITS,))
     for advice, status in (((), "confirmed"), *((one, "tentative") for one in doubts)):
         exam = replace(told.examination, advice=advice)
         found = allowed_by(replace(told, effects=sure, examination=exam), {})

@@ -8,7 +8,7 @@ from itertools import chain, groupby
 
 import numpy as np
 
-from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, OTHERS, SCALES, SLOPES
+from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, OTHERS, SCALES, SLOPES, UNITS
 from cjt_gym.gap.diagnosis import LEVELLESS, Diagnosis, NamedEffect
 from cjt_gym.gap.horizons.fitting.terms import WINDINGS
 from cjt_gym.gap.horizons.prediction.model import MEASURES, SKEW
@@ -20,11 +20,12 @@ UNSOUND = {
     ONE_INSTANT: "channels of one row belong to different instants",
     SLOPES: "a velocity contradicts its angle, or the clock is wrong",
     FACTOR: "a channel seems to have another unit or side",
+    UNITS: "a channel seems to have another unit, sign or side",
     SCALES: "a torque seems to have another unit, scale or side",
     OTHERS: "something other than the motor moves the joint as well",
 }
 """Faults of a log, by their remedies, beside which only effects of the sensors are confirmed."""
-DISTORTED = frozenset({FACTOR, SCALES})
+DISTORTED = frozenset({FACTOR, SCALES, UNITS})
 """Those beside which none of the sensors are either: noise and steps have the wrong unit, too."""
 VAGUELY, OUT_OF_STEP = 0.1, 1.0
 """Width of a frequency's 95 % interval, relative to it, above which no wave was seen to repeat, and
