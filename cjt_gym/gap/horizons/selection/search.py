@@ -98,10 +98,10 @@ def search(
         if best is None or left < least:
             best, least = found, left
     assert best is not None
-    for _ in range(SWAPS):
+    for swap in range(SWAPS):
         rivals, better = rivals_of(problem, best, terms)
         best = replace(best, rivals=rivals)
-        if better is None or problem.all_work > until:
+        if better is None or (swap and problem.all_work > until):  # what is better is tried
             break
         end = extended(problem, better, terms, progress, until, held)
         found = settled(end)
