@@ -91,8 +91,9 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
     if lag < 0.0:
         rows = max(round(-lag), 1)
         return [
-            f"i leads i_cmd by {-lag:.2g} samples: their rows belong to different instants. "
-            f"Map i_cmd with samples_late = {rows}, or i with samples_late = {-rows}."
+            f"i leads i_cmd by {-lag:.2g} samples: the two columns are swapped, or their rows "
+            f"belong to different instants. Map them the other way round, or i_cmd with "
+            f"samples_late = {rows}, or i with samples_late = {-rows}."
         ], []
     if (rows := _rows(max(view.records, key=len))) > 1:
         return [
@@ -244,6 +245,14 @@ def _moved(record: Record, name: str, late: int) -> Record:
     return record.with_columns({name: np.insert(x[:-1], 0, x[0])}).slice(1, len(x))
 
 
+def _leads_its_command(view: View) -> bool:
+    """Return whether the measured current comes before its command."""
+    if not {"i", "i_cmd"} <= view.channels.keys():
+        return False
+    lag = _lag(view.stretches[0])
+    return lag is not None and lag < -LATE
+
+
 def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
     """Return faults and remarks on the instants of motion and torque."""
     shift = _shift(view)
@@ -253,6 +262,8 @@ def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
     motion, torque = view.motor_angle, view.drive
     angle = view.channels[motion]
     if motion.startswith("q_") and angle.span < FEW_COUNTS * angle.resolution:
+        return [], []
+    if _leads_its_command(view):  # what is taken for the current may be the command
         return [], []
     time = f"{_samples(abs(shift))} ({1e3 * abs(shift) * view.dt:.2g} ms)"
     if shift < 0.0:

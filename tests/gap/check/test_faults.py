@@ -335,7 +335,7 @@ def test_a_single_sine_does_not_show_instants() -> None:
 def test_the_mapping_that_a_fault_asks_for_mends_it(tmp_path: Path) -> None:
     table = early(columns())
     np.savez(tmp_path / "log.npz", **table)
-    late = re.search(r"Map i_cmd with samples_late = (\d+)", " ".join(faults(table)))
+    late = re.search(r"or i_cmd with samples_late = (\d+)", " ".join(faults(table)))
     assert late is not None
     mapping = {"columns": {"t": {}, "q_m": {}, "i": {}}}
     mapping["columns"]["i_cmd"] = {"samples_late": int(late[1])}
