@@ -128,10 +128,8 @@ def _damping(joint: Joint, scales: Scales) -> Term:
     own = body_group(joint.structure_row, "m")
     start = sum(joint.parameters.get(f"d_{b}", 0.0) for b in own)
     step = max(0.05 * scales.torque / scales.speed, 0.1 * start)
-    parts = {f"d_{b}": joint.parameters.get(f"d_{b}", 0.0) for b in own}
-    loose = {s: min(tolerance_of(joint.file, s, math.inf), GUESSED) for s in parts}
-    stated = math.hypot(*(loose[s] * x for s, x in parts.items())) / max(start, 1e-300)
-    known = start > 0.0 and stated < VAGUE
+    stated = min((tolerance_of(joint.file, f"d_{b}", math.inf) for b in own), default=math.inf)
+    known = start > 0.0 and math.isfinite(stated)
     most = max(BRAKED * scales.peak / scales.fast, 2.0 * start)
     number = (
         Number("d_m", "N m s/rad", start, stated, True, start / 100.0, most, True)
