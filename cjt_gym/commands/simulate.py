@@ -93,7 +93,8 @@ def run(options: argparse.Namespace) -> Answer:
     tracks = "tau_ref" in record
     error = record["tau_ref"] - record["true_tau"] if tracks else np.array([np.nan])
     rmse = float(np.sqrt(np.mean(error**2)))
-    result: dict[str, Any] = {
+    largest = float(np.abs(record["true_tau"]).max())
+    result = {
         "record": str(path),
         "samples": len(record),
         "controller": task.controller,
@@ -102,10 +103,9 @@ def run(options: argparse.Namespace) -> Answer:
         "effects": plain_effects(joint.effects),
         "rmse": rmse if tracks else None,
         "added_load": loaded.get("I_l"),
-        "peak_torque": float(np.abs(record["true_tau"]).max()),
+        "peak_torque": largest,
     }
     how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
-    largest = result["peak_torque"]
     peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
     return result, f"{path}: {len(record)} samples, {how}{peak}{_hung(joint, loaded)}"
 
@@ -117,7 +117,7 @@ def _hung(joint: Joint, loaded: Mapping[str, float]) -> str:
     p = joint.parameters
     return (
         f". A load of I_l = {loaded['I_l']:.4g} {p.unit('I_l')} hangs on it, as {p.name} has none "
-        "that torques could be held against; give I_l in the joint file to set it"
+        "against which a torque could be held; give I_l in the joint file to set it"
     )
 
 

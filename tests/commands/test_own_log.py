@@ -207,7 +207,7 @@ def test_a_replayed_command_moves_the_joint_as_its_file_says(
     n = len(read_record(out)["q_m"])
     joint = load_joint("emps")
     p = joint.parameters
-    tau = p.k_t * p.n * known["i_cmd" if "i_cmd" in known else "i"][:n]
+    tau = p.k_t * p.n * known["i_cmd"][:n]
     made = joint.simulate(tau, dt=known.dt)["true_q_m"]
     assert read_record(out)["q_m"] == pytest.approx(made[:n], abs=2e-4)
     assert "hangs on it" not in capsys.readouterr().out

@@ -50,18 +50,18 @@ def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) 
     vague = has_vague_friction(case.joint)
     staged = "stages" in joints and case.cut and sound_stages(case, joints) == "stages"
     for name in (n for n in (("found", "base", "stages") if vague else ORDER) if n in joints):
-        rest = [costs[n] for n in sound if n != name]
+        others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and staged
         if cut and "found" in sound and _loses(case, enough, errors["stages"], errors["found"]):
             continue
         sharper = cut and not _is_own(joints.get("found"), case.joint)
         sharper = sharper or (vague and name != "stages")
         allowance = CLEARLY * test.strength if sharper else SAME
-        if (name in sound or cut) and costs[name] <= min(rest, default=np.inf) + allowance:
+        if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name
     if not sound and "base" in joints:  # as one that hardly moves, which is no answer itself
-        others = {n: joint for n, joint in joints.items() if n != "base"}
-        sound = [n for n in others if is_no_worse(case, others, n)]
+        without = {n: joint for n, joint in joints.items() if n != "base"}
+        sound = [n for n in without if is_no_worse(case, without, n)]
     plain = {n: j for n, j in joints.items() if n in ("datasheet", "least squares")}
     sound = sound or [n for n in plain if is_no_worse(case, plain, n)]
     if not sound:  # of datasheet and least squares each is worse than the other somewhere

@@ -23,7 +23,8 @@ from cjt_gym.gap.horizons.selection.stepwise import beyond, extend, is_needed, l
 from cjt_gym.gap.horizons.selection.worth import LOUDLY, Worth, worth
 
 PATIENCE = 60_000_000
-"""Number of predicted samples (half a minute of work or more) after which the search stops."""
+"""Number of predicted samples (half a minute of work or more) after which the search stops,
+but for one replacement that is known to predict better."""
 MOST = 6
 """Maximum number of terms that an extension adds."""
 SWAPS = 2
