@@ -140,6 +140,25 @@ def test_a_record_of_commands_is_replayed_in_open_loop(
     assert "tau_ref" in capsys.readouterr().err
 
 
+def test_a_measured_current_is_replayed_past_the_drive(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    current = 3.0 * np.sin(0.03 * np.arange(300))
+    known = {"dt": 1e-3, "structure": "output_fixed"}
+    found = {}
+    for name in ("i", "i_cmd"):
+        write_record(Record({name: current}, {name: "A"}, **known), tmp_path / f"{name}.npz")
+        words = ["simulate", "orange_80_6000", "--effect", "current_lag=typical", "coulomb"]
+        words += ["--reference", str(tmp_path / f"{name}.npz"), "--json"]
+        assert main([*words, "--out", str(tmp_path / "run.npz")]) == 0
+        effects = json.loads(capsys.readouterr().out)["effects"]
+        found[name] = (set(effects), read_record(tmp_path / "run.npz")["true_i"])
+    assert found["i"][0] == {"coulomb"}
+    assert found["i_cmd"][0] == {"coulomb", "current_lag"}
+    assert found["i"][1][1:] == pytest.approx(current[:-1])  # in force until the next row
+    assert np.abs(found["i_cmd"][1][1:] - current[:-1]).max() > 0.01
+
+
 def test_the_recorded_reference_is_tracked_and_its_command_can_be_replayed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

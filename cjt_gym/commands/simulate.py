@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.configure import plain_effects
+from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.kernel.arrays import CHANNELS, Floats
 from cjt_gym.joint.kernel.current_loop import with_current_loop
 from cjt_gym.plant import SimulatedPlant
@@ -41,9 +42,16 @@ from cjt_gym.records import FORMATS, Record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
+DRIVE = "drive"
 TRACKING, NONE = "pd_feedforward", "none"
 """The default controller, and the name for no controller at all."""
-COMMANDS = ("i_cmd", "tau_cmd")
+COMMANDS, CURRENT = ("i_cmd", "tau_cmd"), "i"
+"""What of a record is replayed, and what is where none of these was logged: the measured current,
+which has passed the drive."""
+REPLAYED = (
+    "command replayed in open loop",
+    "measured current replayed in open loop, past the effects of the drive",
+)
 MOST_SAMPLES = 20_000_000
 """Samples of a record, of which each takes some 300 bytes."""
 
@@ -58,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--reference", default="chirp", help=text)
     add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
     text = f"{CONTROLLER_HELP}; a gain file of `cjt-gym tune`; or {NONE}: replay the record's "
-    text += f"command; default: {TRACKING}"
+    text += f"command or measured current; default: {TRACKING}"
     add("--controller", help=f"{text} where there is a tau_ref")
     add("--duration", type=float, help="[s]; default: that of the record, or 10")
     add("--dt", type=float, help="control step [s]; default: that of the record, or 0.001")
@@ -84,6 +92,9 @@ def run(options: argparse.Namespace) -> Answer:
     effects = asked_effects(options)
     joint = load_joint(options.joint, task.structure, options.drive, effects, loaded)
     dt_physics = options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9))
+    if task.replayed == CURRENT:
+        own = {n: v for n, v in joint.effects.items() if EFFECTS[n].stage != DRIVE}
+        joint = replace(joint, effects=own)
     joint = with_current_loop(joint, dt_physics)
     record = simulate(
         joint, _reference(options, task, joint), task, dt_physics, options.seed, randomize
@@ -105,7 +116,7 @@ def run(options: argparse.Namespace) -> Answer:
         "added_load": loaded.get("I_l"),
         "peak_torque": largest,
     }
-    how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
+    how = f"tracking error {rmse:.4g} N m rms" if tracks else REPLAYED[task.replayed == CURRENT]
     peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
     return result, f"{path}: {len(record)} samples, {how}{peak}{_hung(joint, loaded)}"
 
@@ -130,6 +141,7 @@ class Task:
     controller: str  # a name of `CONTROLLERS`, or `NONE`
     duration: float  # [s]
     dt: float  # control step [s]
+    replayed: str = ""  # what of the record is replayed with `NONE`
 
 
 def _task(options: argparse.Namespace) -> Task:
@@ -137,14 +149,15 @@ def _task(options: argparse.Namespace) -> Task:
     word = options.reference
     given = Path(word).suffix or word in record_names()
     recorded = read_own(word, options.joint) if given else None
-    commanded = recorded is not None and any(name in recorded for name in COMMANDS)
+    replayed = next((n for n in (*COMMANDS, CURRENT) if recorded is not None and n in recorded), "")
     tracked = recorded is None or "tau_ref" in recorded
-    controller = options.controller or (NONE if commanded and not tracked else TRACKING)
-    if controller == NONE and not commanded:
-        what = "no record" if recorded is None else f"{recorded.owner}, which has no command"
+    controller = options.controller or (NONE if replayed and not tracked else TRACKING)
+    if controller == NONE and not replayed:
+        what = "no record" if recorded is None else f"{recorded.owner}, which has neither"
         raise ConfigurationError(
-            f"--controller {NONE} replays the command ({' or '.join(COMMANDS)}) of a record, got "
-            f"{what}. Give one as --reference, or a controller: {', '.join(CONTROLLERS)}."
+            f"--controller {NONE} replays the command ({' or '.join(COMMANDS)}) of a record, or "
+            f"its measured current ({CURRENT}), got {what}. Give one as --reference, or a "
+            f"controller: {', '.join(CONTROLLERS)}."
         )
     length = 10.0 if recorded is None else len(recorded) * recorded.dt
     said = None if recorded is None else recorded.structure
@@ -154,6 +167,7 @@ def _task(options: argparse.Namespace) -> Task:
         controller,
         length if options.duration is None else options.duration,
         options.dt or (1e-3 if recorded is None else recorded.dt),
+        replayed,
     )
 
 
@@ -161,7 +175,7 @@ def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
     """Return the reference, or the motor torque [N m] that a record commands."""
     if task.controller == NONE:
         assert task.recorded is not None
-        return _command(task.recorded, joint)
+        return _command(task.recorded, joint, task.replayed)
     amplitude = options.amplitude
     if amplitude is None:
         amplitude = default_amplitude(joint.parameters)
@@ -170,11 +184,11 @@ def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
     return signal.reset(np.random.default_rng(options.seed))
 
 
-def _command(record: Record, joint: Joint) -> Signal:
-    """Return the motor torque [N m] that a record commands: from its current, if it has one."""
+def _command(record: Record, joint: Joint, name: str) -> Signal:
+    """Return the motor torque [N m] of a column of a record: a torque or a current."""
     p = joint.parameters
-    torque = record["i_cmd"] * p.k_t * p.n if "i_cmd" in record else record["tau_cmd"]
-    return sampled_signal(record.t, torque)
+    unit = 1.0 if name == "tau_cmd" else p.k_t * p.n
+    return sampled_signal(record.t, record[name] * unit)
 
 
 def simulate(
