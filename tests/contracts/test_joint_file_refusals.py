@@ -228,6 +228,18 @@ def test_unknown_joint() -> None:
     assert isinstance(caught.value, LookupError)
 
 
+def test_a_file_that_is_named_like_a_joint_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UnknownNameError) as caught:
+        load_joint_file("elbow")
+    assert "in this folder" not in str(caught.value)
+    write(tmp_path, HEAD).rename("elbow.toml")
+    with pytest.raises(UnknownNameError, match=r"For the file in this folder, give elbow\.toml\."):
+        load_joint_file("elbow")
+
+
 def test_a_name_with_an_ending_is_a_file_that_is_missing() -> None:
     with pytest.raises(MissingFileError, match=r"elbow.tml does not exist"):
         load_joint_file("elbow.tml")

@@ -11,7 +11,13 @@ from typing import Any
 from cjt_gym.disk import Inline
 from cjt_gym.disk import to_toml as write_tables
 from cjt_gym.disk.text import read_text
-from cjt_gym.errors import MissingFileError, ParameterError, check_name, unknown_name
+from cjt_gym.errors import (
+    MissingFileError,
+    ParameterError,
+    UnknownNameError,
+    check_name,
+    unknown_name,
+)
 from cjt_gym.joint.files.effect_entries import usual_effects
 from cjt_gym.joint.files.mistakes import Mistakes
 from cjt_gym.joint.files.parameter_table import AXES
@@ -126,7 +132,12 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
             return read_toolbox(name_or_path)
         return _parsed(read_joint_text(path), str(name_or_path))
     name = str(name_or_path)
-    check_name("joint", name, joint_names())
+    try:
+        check_name("joint", name, joint_names())
+    except UnknownNameError as error:
+        if not Path(f"{name}.toml").is_file():
+            raise
+        raise UnknownNameError(f"{error} For the file in this folder, give {name}.toml.") from None
     text = (resources.files("cjt_gym.params") / f"{name}.toml").read_text(encoding="utf-8")
     return _parsed(text, f"params/{name}.toml")
 
