@@ -58,6 +58,21 @@ def test_what_looks_like_an_effect_is_told_and_the_effect_not_confirmed(
     assert said in found.doubt
 
 
+@pytest.mark.parametrize(
+    ("ratio", "status"),
+    [(0.01745, "tentative"), (0.5, "confirmed"), (3.0, "confirmed"), (57.3, "tentative")],
+)
+def test_a_value_that_is_off_like_another_unit_is_not_confirmed(
+    told: Diagnosis, ratio: float, status: str
+) -> None:
+    found = ratio * told.joint.parameters.I_m
+    size = {"I_m": Interval(found, 0.99 * found, 1.01 * found, "kg m^2")}
+    effect = NamedEffect("inertia", "motor", None, None, size, "confirmed", 0.99, 0.9)
+    (one,) = allowed_by(replace(told, effects=(effect,)), {}).effects
+    assert one.status == status
+    assert ("a unit, a side or a gear ratio" in one.doubt) == (status == "tentative")
+
+
 def test_of_effects_that_explain_as_much_the_surer_come_first(told: Diagnosis) -> None:
     def one(name: str, status: str, removed: float) -> NamedEffect:
         size = {"noise": Interval(0.1, 0.09, 0.11, "rad")}
