@@ -14,10 +14,10 @@ from pathlib import Path
 from cjt_gym.console import Answer
 from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
-from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError, check_range
+from cjt_gym.errors import ConfigurationError, UnknownNameError, check_range
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.recorded.orient import orient
-from cjt_gym.gap.recorded.series import SHORTEST, same_file
+from cjt_gym.gap.recorded.orient import all_oriented
+from cjt_gym.gap.recorded.series import SHORTEST
 from cjt_gym.gap.recorded.usable import check_one_joint
 from cjt_gym.gap.report import WIDTH, summary, write_report
 from cjt_gym.joint import (
@@ -90,8 +90,9 @@ def run(options: argparse.Namespace) -> Answer:
         )
     if options.effect is not None:
         file = file_of(load_joint(joint, structure, effects=asked_effects(options)))
-    fitted, turned = _oriented(fitted, file, structure)
-    held, also = _oriented(held, file, structure)
+    shape = get_structure(structure)
+    fitted, turned = all_oriented(fitted, file, shape)
+    held, also = all_oriented(held, file, shape)
     folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
     agents = agents_for(options.controller, options.policy, [*held, *fitted])
     nominal = joint if str(joint).endswith(".toml") else None
@@ -241,28 +242,6 @@ def _read(
         records += [piece for piece in pieces if len(piece) >= SHORTEST] or pieces
         repairs += notes
     return records, repairs
-
-
-def _oriented(
-    records: Sequence[Record], joint: JointFile, structure: str
-) -> tuple[list[Record], list[Repair]]:
-    """Return records whose channels agree in their signs, and what was turned.
-
-    The longest piece of a log shows the signs of all.
-    """
-    shape = get_structure(structure)
-    longest = [max(same_file(record, records), key=len) for record in records]
-    pairs = [orient(r, joint, shape, by) for r, by in zip(records, longest, strict=True)]
-    for record, repairs in pairs:
-        odd = [repair.text for repair in repairs if repair.kind == "unit"]
-        if odd:
-            raise RecordError(
-                f"{record.owner}: {' '.join(odd)} A channel is in another unit than the record "
-                f"states, or {joint.name} is another joint. Give the unit, the gear side or the "
-                "joint: [columns] of --mapping, or the values of --joint, such as an inertia."
-            )
-    found = dict.fromkeys(repair for _, some in pairs for repair in some)
-    return [record for record, _ in pairs], list(found)
 
 
 def _nominal(options: argparse.Namespace) -> str | Path:

@@ -26,6 +26,7 @@ from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
+from cjt_gym.gap.recorded.orient import all_oriented
 from cjt_gym.gap.recorded.series import Stretch, stretches
 from cjt_gym.gap.recorded.tolerances import strained, unlisted
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
@@ -82,6 +83,7 @@ def diagnose(
         _check_rate(record)
         _check_drive(record, file)
     _check_apart(given, held)
+    (given, turned), (held, also) = (all_oriented(some, file, shape) for some in (given, held))
     exam = examine(given, file, shape)
     if any(NOT_THE_INPUT in fault for fault in exam.faults):
         raise _driven_by_another(first)
@@ -90,7 +92,8 @@ def diagnose(
     for record in (*given, *held):
         _check_angle(record)
     absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
-    remarks = [f"{name} {said}, and was not used." for name, said in absent.items()]
+    remarks = list(dict.fromkeys(repair.text for repair in (*turned, *also)))
+    remarks += [f"{name} {said}, and was not used." for name, said in absent.items()]
     driven, moved = driven_only(bridged(measured_only([*given, *held]))[0], shape)
     remarks += moved
     parts = driven[: len(given)], driven[len(given) :]

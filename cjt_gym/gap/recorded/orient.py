@@ -16,7 +16,7 @@ direction is positive cannot be determined.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import pi
@@ -25,6 +25,8 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.signal import correlate, correlation_lags, savgol_filter
 
+from cjt_gym.errors import RecordError
+from cjt_gym.gap.recorded.series import same_file
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record, Repair
@@ -115,6 +117,30 @@ def orient(
     texts = [repair.text for repair in repairs if repair.changed]
     known = {**record.provenance, "repairs": [*record.provenance.get("repairs", []), *texts]}
     return replace(record.with_columns(columns), provenance=known), tuple(repairs)
+
+
+def all_oriented(
+    records: Sequence[Record], joint: JointFile, structure: Structure
+) -> tuple[list[Record], list[Repair]]:
+    """Return records whose channels agree in their signs, and what was turned.
+
+    The longest piece of a log shows the signs of all.
+
+    Raises:
+        RecordError: A channel seems to have another unit.
+    """
+    longest = [max(same_file(record, records), key=len) for record in records]
+    pairs = [orient(r, joint, structure, by) for r, by in zip(records, longest, strict=True)]
+    for record, repairs in pairs:
+        odd = [repair.text for repair in repairs if repair.kind == "unit"]
+        if odd:
+            raise RecordError(
+                f"{record.owner}: {' '.join(odd)} A channel is in another unit than the record "
+                f"states, or {joint.name} is another joint. Give the unit, the gear side or the "
+                "joint: [columns] of --mapping, or the values of --joint, such as an inertia."
+            )
+    found = dict.fromkeys(repair for _, some in pairs for repair in some)
+    return [record for record, _ in pairs], list(found)
 
 
 def _filled(record: Record) -> dict[str, Floats]:
