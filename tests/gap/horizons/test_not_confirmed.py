@@ -58,6 +58,20 @@ def test_what_looks_like_an_effect_is_told_and_the_effect_not_confirmed(
     assert said in found.doubt
 
 
+@pytest.mark.parametrize(("high", "status"), [(0.3, "confirmed"), (3.0, "tentative")])
+def test_friction_that_falls_over_no_certain_speed_is_not_confirmed(
+    told: Diagnosis, high: float, status: str
+) -> None:
+    size = {
+        "d_cm": Interval(0.2, 0.19, 0.21, "N m"), "d_sm": Interval(0.1, 0.09, 0.11, "N m"),
+        "v_s": Interval(0.2, 0.1, high, "rad/s"),
+    }  # fmt: skip
+    effect = NamedEffect("stribeck", "motor", "motor", None, size, "confirmed", 0.99, 0.9)
+    (one,) = allowed_by(replace(told, effects=(effect,)), {}).effects
+    assert one.status == status
+    assert ("coulomb" in one.confusable_with) == (status == "tentative")
+
+
 @pytest.mark.parametrize(
     ("ratio", "status"),
     [(0.01745, "tentative"), (0.5, "confirmed"), (3.0, "confirmed"), (57.3, "tentative")],

@@ -42,6 +42,9 @@ FAR_OFF = 4.0
 """Ratio to its datasheet value, or the inverse, above which a value may as well have another unit:
 turns, degrees or revolutions a minute make 6.3, 57 or 9.5, a forgotten gear its ratio or the square
 of that. Of the values confirmed on 115 real cases none was off by more than 2.5."""
+DECADE = 10.0
+"""Ratio of the ends of the interval of the speed over which friction falls, above which that is
+open: at once it is a breakaway torque, and over all speeds less damping."""
 BESIDE_ANOTHER = "the law of the friction beside it stays open"
 """Doubt of damping beside Stribeck friction without a level or beside friction that perhaps depends
 on the direction."""
@@ -136,6 +139,12 @@ def _falls_to_nothing(effect: NamedEffect, _: _View) -> bool:
     return effect.name == "stribeck" and any(one.low <= 0.0 for one in levels)
 
 
+def _falls_anywhere(effect: NamedEffect, _: _View) -> bool:
+    """Return whether it is open over which speed Stribeck friction falls."""
+    speed = effect.parameters.get("v_s")
+    return effect.name == "stribeck" and speed is not None and speed.high > DECADE * speed.low
+
+
 def _is_one_sided(effect: NamedEffect, _: _View) -> bool:
     """Return whether dry friction may be none in one direction, which no bearing has."""
     return effect.name == "coulomb_asym" and any(x.low <= 0.0 for x in effect.parameters.values())
@@ -190,6 +199,7 @@ MIMICKED: tuple[tuple[Callable[[NamedEffect, _View], bool], str, tuple[str, ...]
     (_is_of_friction, "in one direction friction that changes with the angle looks alike", ()),
     (_pulls_straight, "over so small an angle a spring to the frame pulls alike", ("contact",)),
     (_falls_to_nothing, LEVELLESS, ()),
+    (_falls_anywhere, "over which speed it falls stays open", ("coulomb",)),
     (_is_quick, "it may fade as fast as any winding could, as what is no heat does", ()),
     (_is_far_off, "so far off, a unit, a side or a gear ratio may be wrong instead", ()),
     (_is_short, "check says that this record shows longer delays only", ()),
