@@ -48,7 +48,7 @@ def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) 
         joints = {n: joint for n, joint in joints.items() if n != "stages"}
         sound = [n for n in sound if n != "stages"]
     vague = has_vague_friction(case.joint)
-    staged = "stages" in joints and case.cut and sound_stages(case, joints) == "stages"
+    staged = "stages" in joints and case.cut and are_sound(case, joints)
     for name in (n for n in (("found", "base", "stages") if vague else ORDER) if n in joints):
         others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and staged
@@ -141,16 +141,15 @@ def _forgiven(own: dict[Key, float], other: dict[Key, float]) -> dict[Key, float
     return {(c, h): WORSE_AT_ONCE for c, h in own if c in better and WHOLE < h < last}
 
 
-def sound_stages(case: Case, joints: dict[str, Joint]) -> str:
-    """Return "stages" unless datasheet or least squares predict a cut joint clearly better."""
+def are_sound(case: Case, joints: dict[str, Joint]) -> bool:
+    """Return whether neither datasheet nor least squares predict a cut joint clearly better."""
     names = {"datasheet", "least squares", "stages"} & joints.keys()
     errors = {name: relative(case.test, case.test.errors(joints[name])) for name in names}
     kinds = [k for k in errors["stages"] if k[0] in ("tau", "q_m") and k[1] > min(HORIZONS)]
     kinds += [("tau", WHOLE)] if ("tau", WHOLE) in errors["stages"] else []
     known = {name: [max(one[k], TRIVIAL) for k in kinds] for name, one in errors.items()}
-    own, others = known.pop("stages"), min(known, key=lambda name: float(np.prod(known[name])))
-    beaten = any(x > MISS * y for one in known.values() for x, y in zip(own, one, strict=True))
-    return others if beaten else "stages"
+    own = known.pop("stages")
+    return not any(x > MISS * y for one in known.values() for x, y in zip(own, one, strict=True))
 
 
 def fails(case: Case, enough: float, errors: dict[Key, float]) -> bool:

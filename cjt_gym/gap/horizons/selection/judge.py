@@ -21,12 +21,12 @@ from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.predictable import left as left_by
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.selection.choice import (
+    are_sound,
     best_of,
     cost_of,
     fails,
     has_vague_friction,
     is_no_worse,
-    sound_stages,
 )
 from cjt_gym.gap.horizons.selection.contradiction import contradicted
 from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, Judgement, Row, is_left
@@ -100,8 +100,8 @@ def judge(
         joints["stages"] = stages
     enough = NEAR if suspects or not explained else TRIVIAL  # of a held output, over the record
     case = sharp(case, [joints[name] for name in ("datasheet", "stages") if name in joints])
-    if stages is not None and (best := _sufficient(case, joints, own, enough, explained)):
-        return _settled(case, joints, best)
+    if stages is not None and _suffices(case, joints, own, enough, explained):
+        return _settled(case, joints, "stages")
     base, terms = _proposed(case, own, excluded)
     plain = best_start(Problem(case.fit), base)
     case = sharp(case, [plain.model.at(plain.z)], SHARPER)
@@ -150,10 +150,10 @@ def judge(
     return replace(judged, found=found, tests=tests, problem=problem)
 
 
-def _sufficient(
+def _suffices(
     case: Case, joints: dict[str, Joint], own: Sequence[Term], enough: float, explained: bool
-) -> str:
-    """Return which joint is the answer if that of the stages needs no search; "" if it does."""
+) -> bool:
+    """Return whether the joint of the stages needs no search."""
     known = left_by(case.all, joints["stages"])
     errors = relative(case.all, case.all.errors(joints["stages"]))
     open_ = any(is_left(errors[key], one) for key, one in known.items())
@@ -162,13 +162,13 @@ def _sufficient(
     missed = any(is_left(error, one) and one.share > MISSED for error, one in ahead)
     doubtful = open_ and (worst > LOUD or missed)
     if case.cut and not (own or doubtful or fails(case, enough, errors)):
-        return sound_stages(case, joints)
+        return are_sound(case, joints)
     short = any(error > SMALL and one.share > HALF for error, one in ahead)
     whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
     settled = explained and not (own or open_ or short) and worst < NEAR and whole < TRIVIAL
     settled = settled and not has_vague_friction(case.joint)
     settled = settled and not _misses_wave(case, joints["stages"])
-    return "stages" if settled and is_no_worse(case, joints, "stages") else ""
+    return settled and is_no_worse(case, joints, "stages")
 
 
 def _misses_wave(case: Case, joint: Joint) -> bool:
