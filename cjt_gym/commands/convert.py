@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.console import Answer
-from cjt_gym.console.logs import gear_ratio_of
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
@@ -96,8 +95,7 @@ def _write_draft(options: argparse.Namespace) -> Answer:
 
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     if options.bus is None:
-        n = gear_ratio_of(options.log, options.mapping)
-        records, repairs = read_log(options.log, options.mapping, n=n)
+        records, repairs = read_log(options.log, options.mapping)
         if options.joint is not None:
             records = tuple(one_joint(record, options.joint) for record in records)
         return records, repairs

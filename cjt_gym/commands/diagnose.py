@@ -16,6 +16,7 @@ from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, UnknownNameError, check_range
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.recorded.orient import all_oriented
 from cjt_gym.gap.recorded.series import SHORTEST
 from cjt_gym.gap.recorded.usable import check_one_joint
@@ -42,6 +43,7 @@ NEXT = ("next.npz", "next.toml")
 """The next excitation, which is written only where there is one."""
 CLEAR = "\r\x1b[2K"
 NO_LOOP = InTheLoop(None, (), ())
+PAST_THE_DRIVE = "To simulate or train from commands, uncomment what a measured current has passed:"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -175,9 +177,8 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     joint = diagnosis.joint
     doubtful = [e.name for e in diagnosis.effects if e.status == "tentative"]
     here = {e.name for e in diagnosis.effects if e.name in joint.effects}
-    absent = {e.name: e.stage for e in diagnosis.effects if e.name not in here}
-    driven = [name for name, stage in absent.items() if stage == "drive"]
-    others = [name for name in absent if name not in driven]
+    driven = _of_the_command(diagnosis)
+    apart = [e.name for e in diagnosis.effects if e.name not in here and e not in driven]
     lines = [
         f"The joint as a diagnosis of {name} found it: the nominal one with the named effects, "
         f"{len(here) or 'none'} here.",
@@ -189,16 +190,31 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     ]
     if doubtful:
         lines.append(f"Tentative: {', '.join(doubtful)}.")
-    if driven:
-        lines.append(
-            "Not in here, as the measured current is its input; add it to simulate from commands: "
-            f"{', '.join(driven)}."
-        )
-    if others:
-        lines.append(f"Named, but not in here: {', '.join(others)}.")
+    if apart:
+        lines.append(f"Named, but not in here: {', '.join(apart)}.")
     if diagnosis.unexplained.stage is not None:
         lines.append(f"Remarks: {diagnosis.unexplained.text}")
-    return "".join(f"# {line}\n" for line in lines) + to_toml(joint)
+    text = "".join(f"# {line}\n" for line in lines) + to_toml(joint)
+    if not driven:
+        return text
+    tables = "\n".join(_commented(effect) for effect in driven)
+    return f"{text}\n# {PAST_THE_DRIVE}\n{tables}"
+
+
+def _of_the_command(diagnosis: Diagnosis) -> list[NamedEffect]:
+    """Return the effects of a drive that are not in the joint: its input is measured behind it."""
+    given = diagnosis.joint.effects
+    return [e for e in diagnosis.effects if e.stage == "drive" and e.name not in given]
+
+
+def _commented(effect: NamedEffect) -> str:
+    """Return the table of an effect as comments to be uncommented."""
+    rows = [
+        f'# {symbol} = {{ value = {one.value:.6g}, unit = "{one.unit}", '
+        f"low = {one.low:.6g}, high = {one.high:.6g} }}\n"
+        for symbol, one in effect.parameters.items()
+    ]
+    return f"# [effects.{effect.name}]\n" + "".join(rows)
 
 
 class Teller:
@@ -274,6 +290,12 @@ def _json(diagnosis: Diagnosis, loop: InTheLoop, repairs: Sequence[Repair]) -> s
 
 def _where(folder: Path, diagnosis: Diagnosis) -> str:
     files = [str(folder / name) for name in FILES]
+    if driven := [e.name for e in _of_the_command(diagnosis)]:
+        text = (
+            f"joint.toml holds {' and '.join(driven)} as a comment at its end, as the measured "
+            "current has passed it: uncomment that to simulate or train from commands."
+        )
+        files.append(textwrap.fill(text, WIDTH))
     if diagnosis.suggestion.record is not None:
         files.append(diagnosis.suggestion.record)
     return "\n".join(files)

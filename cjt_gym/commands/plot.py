@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.console import Answer
-from cjt_gym.console.logs import gear_ratio_of, read_own
+from cjt_gym.console.logs import read_own
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import load_joint_file
@@ -59,7 +59,7 @@ def _pieces(word: str, mapping: str | None, n: float | None) -> list[tuple[str, 
     name = Path(word).stem
     if mapping is None and n is None and is_record(word):
         return [(name, read_own(word))]
-    pieces, _ = read_log(word, mapping, n=n or gear_ratio_of(word, mapping))
+    pieces, _ = read_log(word, mapping, n=n)
     if len(pieces) == 1:
         return [(name, pieces[0])]
     return [(f"{name}, piece {k}", piece) for k, piece in enumerate(pieces, 1)]

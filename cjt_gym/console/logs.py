@@ -4,18 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cjt_gym.errors import MissingFileError, UnknownNameError
 from cjt_gym.joint import load_joint_file
-from cjt_gym.records import Record, joint_of, read_record
-
-
-def gear_ratio_of(log: str | Path, mapping: str | None = None) -> float | None:
-    """Return the gear ratio of the joint that a log names, if it is at hand and has one."""
-    joint = joint_of(log, mapping)
-    try:
-        return None if joint is None else load_joint_file(joint).gear_ratio
-    except (MissingFileError, UnknownNameError):
-        return None
+from cjt_gym.records import Record, read_record
+from cjt_gym.records.files import gear_ratio_of
 
 
 def read_own(log: str | Path, joint: str | None = None) -> Record:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -44,7 +45,7 @@ def read_record(
         mapping: Which column is which, in which unit, where the table has other names: a TOML file
             or the same as dictionaries, see :mod:`cjt_gym.records.mapping`. Left out, the file
             ``run.map.toml`` beside the table counts, if there is one.
-        n: Gear ratio of the joint, used where the mapping gives none.
+        n: Gear ratio, used where the mapping gives none; by default that of the joint it names.
 
     Raises:
         RecordError: There is no such record, or its files are not valid.
@@ -89,7 +90,27 @@ def mapping_of(
 ) -> ColumnMapping | None:
     """Return the mapping that was given, or else the one beside a table, or else None."""
     found = _given_or_beside(path, mapping)
-    return None if found is None else load_mapping(found, n)
+    if found is None:
+        return None
+    return load_mapping(found, gear_ratio_of(path, mapping) if n is None else n)
+
+
+def gear_ratio_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> float | None:
+    """Return the gear ratio of the joint that a log names, if its TOML file is at hand and has one.
+
+    Arguments and errors are those of `joint_of`.
+    """
+    joint = joint_of(path_or_name, mapping)
+    if joint is None:
+        return None
+    path = Path(joint) if Path(joint).suffix else _joints() / f"{joint}.toml"
+    if path.suffix != ".toml" or not path.is_file():
+        return None
+    try:
+        entry = tomllib.loads(path.read_text(encoding="utf-8"))["parameters"]["n"]["value"]
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError):
+        return None  # who loads the joint says what is wrong with it
+    return float(entry) if isinstance(entry, int | float) and entry > 0.0 else None
 
 
 def joint_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> str | Path | None:
@@ -165,6 +186,10 @@ def record_names() -> tuple[str, ...]:
             if entry.name.endswith(".npz")
         )
     )
+
+
+def _joints() -> Path:
+    return Path(str(resources.files("cjt_gym.params")))
 
 
 def _shipped() -> Path:

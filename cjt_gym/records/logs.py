@@ -120,7 +120,7 @@ def read_log(
         mapping: Which column is which; see :func:`cjt_gym.records.read_record`.
         seconds: Of a longer log, only its most informative windows of so many seconds in all
             [s]; see :func:`cjt_gym.records.informative_windows`.
-        n: Gear ratio of the joint, used where the mapping gives none.
+        n: Gear ratio, used where the mapping gives none; by default that of the joint it names.
 
     Returns:
         A record per piece of the log, and what was repaired or noticed.

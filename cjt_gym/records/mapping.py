@@ -120,6 +120,8 @@ def _mapping(owner: str, document: dict[str, Any], n: float | None) -> ColumnMap
         )
     if n is not None:
         n = _number(f"n of {owner}", n)
+        if n < 0.0:
+            raise RecordError(f"n of {owner} must be > 0, got {n:g}; sign = -1 turns a column.")
     if "units" in document:
         raise RecordError(f"{owner} must give the units under [columns], not under [units].")
     made = {name: _column(owner, name, given, n) for name, given in columns.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -23,7 +24,7 @@ from cjt_gym.gap.report.words import (
     percent,
     verdict_sentence,
 )
-from cjt_gym.joint import get_structure
+from cjt_gym.joint import get_structure, load_joint_file
 from tests.gap.simulator import simulate
 
 
@@ -134,9 +135,24 @@ def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -
     told = replace(explained, effects=(sure, late, replace(sure, name="noise", stage="sensing")))
     head = joint_text(told, "run").partition("\nname = ")[0]
     assert "the named effects, 1 here." in head
-    assert "add it to simulate from commands: command_delay." in head
     assert head.endswith("# Named, but not in here: noise.")
     assert "ot in here" not in joint_text(explained, "run")
+
+
+def test_what_a_measured_current_has_passed_waits_in_the_joint_file(
+    explained: Diagnosis, tmp_path: Path
+) -> None:
+    (sure,) = explained.effects
+    delay = {"delay": Interval(0.004, 0.003, 0.005, "s")}
+    late = replace(sure, name="command_delay", stage="drive", parameters=delay)
+    path = tmp_path / "joint.toml"
+    path.write_text(joint_text(replace(explained, effects=(sure, late)), "run"), encoding="utf-8")
+    assert "command_delay" not in load_joint_file(path).effects
+    text = path.read_text(encoding="utf-8")
+    path.write_text(re.sub(r"^# (\[effects|delay)", r"\1", text, flags=re.M), encoding="utf-8")
+    found = load_joint_file(path).effects["command_delay"]["delay"]
+    assert (found.number, found.low, found.high) == (0.004, 0.003, 0.005)
+    assert "uncomment" not in joint_text(explained, "run")
 
 
 def test_no_gap_and_an_unknown_effect_have_their_sentences(

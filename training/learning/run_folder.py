@@ -156,6 +156,10 @@ class RunFolder:
 def open_run(path: str | Path) -> RunFolder:
     """Return the run in a folder."""
     folder = Path(path)
+    if folder.is_file():
+        raise ConfigurationError(
+            f"A policy must be a run folder, or a file exported with --to numpy (.npz), got {path}."
+        )
     if not folder.is_dir():
         raise MissingFileError(
             f"The run folder {path} does not exist. Make one:  cjt-gym train CONFIG --out {path}"

@@ -46,8 +46,9 @@ GEARED, ABOUT = 10.0, 1.5
 336 real records, moved by hand, with a ratio of 6 and another load, looked alike by chance."""
 TAIL = 0.2
 """Share of a record that is held out for testing."""
-OFTEN, BEYOND = 0.99, 1.2
-"""Quantile of the current, and its ratio to the peak current above which one of them is wrong."""
+OFTEN, BEYOND, ASKED = 0.99, 1.2, 5.0
+"""Quantile of the current, and its ratio to the peak current above which one of them is wrong; of a
+command, which the drive may limit."""
 AT_REST = 0.1
 """Speed in that part, relative to that before it, up to which it is at rest."""
 
@@ -109,16 +110,17 @@ def _still(view: View) -> list[str]:
 def _beyond_peak(view: View) -> list[str]:
     """Return sentences on a current or voltage that the joint's largest one does not allow."""
     found = []
-    for name, unit, symbol, what in (
-        ("i", "A", "i_p", "peak current"),
-        ("v", "V", "v_0", "supply voltage"),
+    for name, unit, symbol, what, most in (
+        ("i", "A", "i_p", "peak current", BEYOND),
+        ("i_cmd", "A", "i_p", "peak current", ASKED),
+        ("v", "V", "v_0", "supply voltage", BEYOND),
     ):
         limit = view.value(symbol)
         if name not in view or not 0.0 < limit < np.inf:
             continue
         sizes = np.abs(np.concatenate([x[name] for x in view.stretches]))
         usual = float(np.nanquantile(sizes, OFTEN))
-        if usual > BEYOND * limit:
+        if usual > most * limit:
             found.append(
                 f"{name} reaches {plain(usual)} {unit}; the joint file gives a {what} {symbol} of "
                 f"{plain(limit)} {unit}."

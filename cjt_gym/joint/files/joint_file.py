@@ -186,7 +186,8 @@ def is_path(name_or_path: str | Path) -> bool:
     """
     if isinstance(name_or_path, Path):
         return True
-    return bool(Path(name_or_path).suffix) or "/" in name_or_path or "\\" in name_or_path
+    signs = "/" in name_or_path or "\\" in name_or_path or name_or_path.startswith(".")
+    return signs or bool(Path(name_or_path).suffix)
 
 
 def read_joint_text(path: Path) -> str:

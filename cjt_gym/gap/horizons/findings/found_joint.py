@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.findings.by_torque import inertia_by_torque
 from cjt_gym.gap.horizons.fitting.covariance import Scatter
-from cjt_gym.gap.horizons.fitting.uncertainty import spread_of
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.gap.identified import identified
 from cjt_gym.joint import EFFECTS, Joint, JointFile
@@ -170,7 +169,7 @@ def _scatter(judged: Judgement) -> Scatter | None:
     """Return the scatter of the answer's numbers; None if they are not from the fit."""
     if judged.answer != "found" or judged.found is None or judged.problem is None:
         return None
-    return Scatter.of(spread_of(judged.problem, judged.found.fit))
+    return Scatter.of(judged.spread)
 
 
 def _short(x: float) -> float:

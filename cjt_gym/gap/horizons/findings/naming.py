@@ -29,7 +29,7 @@ from cjt_gym.gap.horizons.fitting.covariance import Scatter
 from cjt_gym.gap.horizons.fitting.datasheet import stated_tolerance
 from cjt_gym.gap.horizons.fitting.fit import Fit
 from cjt_gym.gap.horizons.fitting.terms import scales_of
-from cjt_gym.gap.horizons.fitting.uncertainty import Spread, spread_of
+from cjt_gym.gap.horizons.fitting.uncertainty import Spread
 from cjt_gym.gap.horizons.prediction.model import SKEW, Term
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
@@ -91,7 +91,7 @@ def _of_search(
     """Return the terms of a search to name; `alone` as for `is_named`."""
     assert judged.found is not None
     assert judged.problem is not None
-    found, spread = judged.found, spread_of(judged.problem, judged.found.fit)
+    found, spread = judged.found, judged.spread
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects

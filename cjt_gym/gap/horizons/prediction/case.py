@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.prediction.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.prediction.log import SMOOTH, Log, to_logs
 from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.gap.horizons.prediction.pieces import cut, split
-from cjt_gym.gap.horizons.prediction.windows import HORIZONS, Windows, make_windows, rescaled
+from cjt_gym.gap.horizons.prediction.windows import HORIZONS, MOST, Windows, make_windows, rescaled
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.files.quantity import Quantity
@@ -31,8 +31,10 @@ and its ratio to that motion above which the angle is coarse. It was 0.9 and 1.9
 SLOW = 4e-3
 """Sample time above which what drives a joint changes much from row to row [s]: the slope of its
 angle is no longer its speed."""
-TEST = 200
-"""Maximum number of windows on which models are compared."""
+TEST, FINE = 200, 320
+"""Maximum numbers of windows on which models are compared, and from which the values of the answer
+come: a breakaway torque shows in few of the windows of a search, and by them alone was found a
+quarter too small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,7 @@ class Case:
         joint: The nominal joint, without noise.
         logs: The records that are fitted.
         fit: Windows that are fitted.
+        fine: More windows of the same pieces, from which the values of the answer come.
         test: Windows that are held out.
         all: Windows over all data for which the answer must hold.
         drive: How the current follows its command, if both were measured.
@@ -52,6 +55,7 @@ class Case:
     joint: Joint
     logs: tuple[Log, ...]
     fit: Windows
+    fine: Windows
     test: Windows
     all: Windows
     drive: DriveFit | None
@@ -79,12 +83,12 @@ def make_case(
     pieces = cut(logs)
     own, kept = (pieces, cut(other)) if other else split(logs, pieces)
     whole = shape.output_fixed
-    fit = make_windows(logs, own, whole=whole)
+    fit, fine = (make_windows(logs, own, most, whole=whole) for most in (MOST, FINE))
     tested = partial(make_windows, most=TEST, whole=whole, kept=1.0)
     test = tested(other or logs, kept or own)
     every = test if other else tested(logs, pieces)
     response = fit_drive(first, [p for p in own if p.log == 0])
-    return Case(joint, tuple(logs), fit, test, every, response, bool(other))
+    return Case(joint, tuple(logs), fit, fine, test, every, response, bool(other))
 
 
 def sharp(case: Case, joints: Sequence[Joint], most: float = 1.0) -> Case:
@@ -144,18 +148,21 @@ def by_angle(case: Case) -> Case:
     Its windows are scaled anew: from a worse start, motion at constant speed predicts less.
     """
     changed = _changed(case, Log.by_angle)
-    fit, test, every = (rescaled(w) for w in (changed.fit, changed.test, changed.all))
-    return replace(changed, fit=fit, test=test, all=every)
+    fit, fine, test, every = (rescaled(w) for w in _windows(changed))
+    return replace(changed, fit=fit, fine=fine, test=test, all=every)
 
 
 def _changed(case: Case, change: Callable[[Log], Log]) -> Case:
     """Return a case with other logs."""
-    logs = {id(log): change(log) for w in (case.fit, case.test, case.all) for log in w.logs}
-    fit, test, every = (
-        replace(w, logs=tuple(logs[id(log)] for log in w.logs))
-        for w in (case.fit, case.test, case.all)
+    logs = {id(log): change(log) for w in _windows(case) for log in w.logs}
+    fit, fine, test, every = (
+        replace(w, logs=tuple(logs[id(log)] for log in w.logs)) for w in _windows(case)
     )
-    return replace(case, logs=fit.logs, fit=fit, test=test, all=every)
+    return replace(case, logs=fit.logs, fit=fit, fine=fine, test=test, all=every)
+
+
+def _windows(case: Case) -> tuple[Windows, ...]:
+    return case.fit, case.fine, case.test, case.all
 
 
 def late(case: Case, rows: float) -> Case:
@@ -163,11 +170,11 @@ def late(case: Case, rows: float) -> Case:
 
     What a current reached the log late is no delay of its drive.
     """
-    fit, test, every = (late_windows(windows, rows) for windows in (case.fit, case.test, case.all))
+    fit, fine, test, every = (late_windows(windows, rows) for windows in _windows(case))
     drive, log = case.drive, fit.logs[0]
     if drive is not None:
         drive = replace(drive, delay=max(drive.delay - log.early * log.dt / log.rows, 0.0))
-    return replace(case, logs=fit.logs, fit=fit, test=test, all=every, drive=drive)
+    return replace(case, logs=fit.logs, fit=fit, fine=fine, test=test, all=every, drive=drive)
 
 
 def late_windows(windows: Windows, rows: float) -> Windows:

@@ -276,7 +276,9 @@ def _polished(
         problem.weights = problem.weights * np.where(worse, 2.0, 1.0)
         problem.weights /= problem.weights.sum()
         fit = problem.fit(model, fit.z)
-    return replace(found, fit=fit)
+    fine = Problem(case.fine)
+    fine.weights, fine.force = problem.weights, 0.0
+    return replace(found, fit=problem.at(model, fine.fit(model, fit.z).z))
 
 
 def _with_inertia_kept(model: Model, z: Floats, *, stated: bool) -> tuple[Model, Floats]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Horizon
 from cjt_gym.gap.horizons.fitting.fit import Problem
+from cjt_gym.gap.horizons.fitting.uncertainty import Spread, spread_of
 from cjt_gym.gap.horizons.prediction.case import Case
 from cjt_gym.gap.horizons.prediction.predictable import Predictable
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL
@@ -78,6 +80,13 @@ class Judgement:
     problem: Problem | None = None
     contradicted: str = ""
     errors: dict[str, list[Floats]] = field(default_factory=dict)
+
+    @cached_property
+    def spread(self) -> Spread:
+        """How certain the numbers of the search are, by all windows that determine them."""
+        assert self.found is not None
+        fit, fine = self.found.fit, Problem(self.case.fine)
+        return spread_of(fine, replace(fit, errors=fine.errors(fit.model, fit.z)))
 
     @property
     def cut(self) -> bool:
