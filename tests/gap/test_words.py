@@ -127,6 +127,11 @@ def test_a_wrong_unit_is_said_before_all_else(explained: Diagnosis) -> None:
     loose = {**explained.stages, "drive": StageGap(25.0, 25.0, False)}
     told = remarked(replace(explained, stages=loose), *known).unexplained.text
     assert told.startswith("The current follows its command less closely than noise allows")
+    astray = {**explained.stages, "drive": StageGap(900.0, 800.0, False)}
+    found = remarked(replace(explained, stages=astray), *known)
+    assert (explained.verdict, found.verdict) == ("explained", "partly_explained")
+    assert "Look at the columns of i and i_cmd" in found.unexplained.text
+    assert "the rest is small" not in found.unexplained.text
 
 
 def test_the_joint_file_says_which_names_it_does_without(explained: Diagnosis) -> None:

@@ -177,6 +177,7 @@ BAD = [
     ({"columns": {"q_m": {"side": "motor"}}}, "needs the gear ratio: a line  n = ..."),
     ({"n": 2, "columns": {"i": {"side": "motor"}}}, "says 'motor', which is for angles"),
     ({"n": 0, "columns": {"i": {}}}, "n of the mapping must not be 0"),
+    ({"n": -3, "columns": {"i": {}}}, "n of the mapping must be > 0, got -3"),
     ({"columns": {"q_m": {"unit": "m"}, "tau": {}}}, "must all be rotary"),
     ({"columns": {"q_m": {}}, "units": {"q_m": "rad"}}, r"units under \[columns\]"),
     ({"columns": {"q_m": {}}, "strucutre": "x"}, "Did you mean 'structure'"),

@@ -233,6 +233,8 @@ def test_folders_that_are_not_ours_are_refused(
         load_policy(tmp_path)
     with pytest.raises(MissingFileError, match="does not exist"):
         load_policy(tmp_path / "nowhere")
+    with pytest.raises(ConfigurationError, match="exported with --to numpy"):
+        load_policy(tmp_path / "notes.txt")
 
 
 @pytest.mark.slow

@@ -40,6 +40,16 @@ def test_a_current_beyond_the_peak_of_the_joint_is_told(share: float, said: bool
     assert bool(found) == said
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.1, True), (0.5, False)])
+def test_a_command_far_beyond_the_peak_of_the_joint_is_told(share: float, said: bool) -> None:
+    table, file = columns(), joint()
+    del table["i"]
+    peak = Quantity(share * float(np.abs(table["i_cmd"]).max()), "A", "test")
+    limited = replace(file, parameters=file.parameters.replace(i_p=peak))
+    found = examine(record(table), limited, None).faults
+    assert any(text.startswith("i_cmd reaches") for text in found) == said
+
+
 def test_records_of_different_lengths_are_judged_together() -> None:
     both = []
     for seconds in (4.0, 8.0):
