@@ -45,6 +45,7 @@ of that. Of the values confirmed on 115 real cases none was off by more than 2.5
 DECADE = 10.0
 """Ratio of the ends of the interval of the speed over which friction falls, above which that is
 open: at once it is a breakaway torque, and over all speeds less damping."""
+INERTIAS = frozenset({"I_m", "I_g", "I_l"})
 BESIDE_ANOTHER = "the law of the friction beside it stays open"
 """Doubt of damping beside Stribeck friction without a level or beside friction that perhaps depends
 on the direction."""
@@ -183,12 +184,18 @@ def _is_short(effect: NamedEffect, view: _View) -> bool:
 
 
 def _is_far_off(effect: NamedEffect, view: _View) -> bool:
-    """Return whether a value of the datasheet is off by what another unit or side would make."""
+    """Return whether a value of the datasheet is off by what another unit or side would make.
+
+    Of an inertia all bodies count: where they move as one, that of one stands for all.
+    """
     for number in EFFECTS[effect.name].parameters:
         found, stated = effect.parameters.get(number.symbol), view.stated.get(number.symbol, 0.0)
         if found is None or not number.replaces or stated <= 0.0:
             continue
-        if not stated / FAR_OFF < found.value < stated * FAR_OFF:
+        others = sum(view.stated.get(s, 0.0) for s in INERTIAS - {number.symbol})
+        beside = others if number.symbol in INERTIAS else 0.0
+        ratio = (found.value + beside) / (stated + beside)
+        if not 1.0 / FAR_OFF < ratio < FAR_OFF:
             return True
     return False
 

@@ -101,12 +101,15 @@ class Problem:
         windows: The windows.
         work: Samples predicted so far, of each body that moves; more of slow models.
         force: Weight of an error as a torque.
+        count: Number of windows that count as independent, against which tolerances weigh; by
+            default all.
         weights: Weight of each kind; they sum to one.
     """
 
     windows: Windows
     work: int = 0
     force: float = 0.0
+    count: int = 0
 
     def __post_init__(self) -> None:
         self._counting = Lock()
@@ -115,12 +118,13 @@ class Problem:
         self.weights = shares / shares.sum()
         free = (MOTION, LISTEN) in keys and not any(h == WHOLE for _, h in keys)
         self.force = FORCE if free else 0.0
+        self.count = self.count or self.windows.count
         self._least: float | None = None
 
     @property
     def strength(self) -> float:
         """Half the number of independent errors."""
-        return 0.5 * self.windows.count
+        return 0.5 * self.count
 
     @property
     def all_work(self) -> int:

@@ -146,6 +146,11 @@ def judge(
         ]
         if worse[0] <= 0.0 and sum(worse) <= 0.0:  # held-out and fitted motion
             joints, best, found = freed, other, replace(found, fit=fit, base=plain)
+    if best == "found":
+        finer = _finer(case, problem, found)
+        closer = joints | {"found": finer.fit.model.at(finer.fit.z)}
+        if best_of(case, test, closer, enough) == best:
+            joints, found = closer, finer
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
 
@@ -276,9 +281,15 @@ def _polished(
         problem.weights = problem.weights * np.where(worse, 2.0, 1.0)
         problem.weights /= problem.weights.sum()
         fit = problem.fit(model, fit.z)
-    fine = Problem(case.fine)
-    fine.weights, fine.force = problem.weights, 0.0
-    return replace(found, fit=problem.at(model, fine.fit(model, fit.z).z))
+    return replace(found, fit=fit)
+
+
+def _finer(case: Case, problem: Problem, found: Found) -> Found:
+    """Return a search whose values come from more windows of the same pieces."""
+    coarse, fine = replace(problem), Problem(case.fine, count=problem.count)
+    coarse.force = fine.force = 0.0
+    fit = fine.fit(found.fit.model, found.fit.z)
+    return replace(found, fit=coarse.at(fit.model, fit.z))
 
 
 def _with_inertia_kept(model: Model, z: Floats, *, stated: bool) -> tuple[Model, Floats]:

@@ -85,7 +85,7 @@ class Judgement:
     def spread(self) -> Spread:
         """How certain the numbers of the search are, by all windows that determine them."""
         assert self.found is not None
-        fit, fine = self.found.fit, Problem(self.case.fine)
+        fit, fine = self.found.fit, Problem(self.case.fine, count=self.case.fit.count)
         return spread_of(fine, replace(fit, errors=fine.errors(fit.model, fit.z)))
 
     @property
