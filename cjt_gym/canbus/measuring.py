@@ -51,10 +51,12 @@ class Sense:
             wanted = "sensor" if "tau" in reported else "spring"
         missing = wanted == "sensor" and "tau" not in reported
         if missing or (wanted == "spring" and (not twist or self._is_rigid)):
+            lacks = f"no node reports {'tau' if missing else 'both ends of the spring'}"
+            if self._is_rigid and not missing:
+                lacks = f"the structure {row.name} has no spring, and no node reports tau"
             raise ConfigurationError(
-                f"The joint torque of {config.origin} cannot be known: no node reports "
-                f"{'tau' if missing else 'both ends of the spring'}. Add a sensor: a table "
-                "[sensors.NAME] with its protocol."
+                f"The joint torque of {config.origin} cannot be known: {lacks}. Add a sensor: a "
+                "table [sensors.NAME] with its protocol."
             )
         self.torque = wanted
         self._relaxed = 0.0

@@ -62,7 +62,7 @@ def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
         ({"bus": {"port": 70000}}, "port .* >= 1 and <= 65535"),
         ({"drive": {"protocol": "odriv", "node": 1}}, "Did you mean 'odrive'"),
         ({"drive": {"protocol": "odrive", "node": 64}}, "node"),
-        ({"joint": {"structure": "rigid"}}, "joint torque .* cannot be known"),
+        ({"joint": {"structure": "rigid"}}, "cannot be known: the structure rigid has no spring"),
         ({"joint": {"effects": "coulomb"}}, "list of names or a table"),
         ({"emulator": {"loss": 1.5}}, "loss"),
         ({"emulator": {"load": -0.1}}, "load .* must be >= 0 and <= 0.95"),
