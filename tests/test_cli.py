@@ -155,6 +155,12 @@ def test_a_measured_current_is_replayed_past_the_drive(
         found[name] = (set(effects), read_record(tmp_path / "run.npz")["true_i"])
     assert found["i"][0] == {"coulomb"}
     assert found["i_cmd"][0] == {"coulomb", "current_lag"}
+    with_reference = {"i": current, "tau_ref": current}
+    units = {"i": "A", "tau_ref": "N m"}
+    write_record(Record(with_reference, units, **known), tmp_path / "tracked.npz")
+    words[words.index("--reference") + 1] = str(tmp_path / "tracked.npz")
+    assert main([*words, "--out", str(tmp_path / "run.npz")]) == 0
+    assert "current_lag" in json.loads(capsys.readouterr().out)["effects"], "it is tracked"
     assert found["i"][1][1:] == pytest.approx(current[:-1])  # in force until the next row
     assert np.abs(found["i_cmd"][1][1:] - current[:-1]).max() > 0.01
 

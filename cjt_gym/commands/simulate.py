@@ -48,10 +48,7 @@ TRACKING, NONE = "pd_feedforward", "none"
 COMMANDS, CURRENT = ("i_cmd", "tau_cmd"), "i"
 """What of a record is replayed, and what is where none of these was logged: the measured current,
 which has passed the drive."""
-REPLAYED = (
-    "command replayed in open loop",
-    "measured current replayed in open loop, past the effects of the drive",
-)
+PAST = "measured current replayed in open loop, past the effects of the drive"
 MOST_SAMPLES = 20_000_000
 """Samples of a record, of which each takes some 300 bytes."""
 
@@ -116,7 +113,8 @@ def run(options: argparse.Namespace) -> Answer:
         "added_load": loaded.get("I_l"),
         "peak_torque": largest,
     }
-    how = f"tracking error {rmse:.4g} N m rms" if tracks else REPLAYED[task.replayed == CURRENT]
+    how = PAST if task.replayed == CURRENT else "command replayed in open loop"
+    how = f"tracking error {rmse:.4g} N m rms" if tracks else how
     peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
     return result, f"{path}: {len(record)} samples, {how}{peak}{_hung(joint, loaded)}"
 
@@ -167,7 +165,7 @@ def _task(options: argparse.Namespace) -> Task:
         controller,
         length if options.duration is None else options.duration,
         options.dt or (1e-3 if recorded is None else recorded.dt),
-        replayed,
+        replayed if controller == NONE else "",
     )
 
 
