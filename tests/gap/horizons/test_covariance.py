@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,11 +11,17 @@ import pytest
 
 from cjt_gym.gap.horizons.fitting.base_terms import base_terms
 from cjt_gym.gap.horizons.fitting.covariance import Scatter
-from cjt_gym.gap.horizons.fitting.terms import _friction, gravity
+from cjt_gym.gap.horizons.fitting.fit import Problem
+from cjt_gym.gap.horizons.fitting.terms import _friction, candidates, gravity, scales_of
 from cjt_gym.gap.horizons.fitting.uncertainty import Spread
+from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.model import Model, Scales
+from cjt_gym.gap.horizons.prediction.pieces import cut, split
+from cjt_gym.gap.horizons.selection.judge import _finer
+from cjt_gym.gap.horizons.selection.search_result import Found
+from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
-from tests.gap.horizons.rotor import datasheet
+from tests.gap.horizons.rotor import DRY, datasheet, record
 
 SCALES = Scales(torque=1.0, speed=1.0, peak=2.0, travel=3.0)
 
@@ -79,3 +86,22 @@ def test_a_number_that_the_record_leaves_open_is_said_to_be_so(
     kept = [name for name in found.names if name not in open_]
     assert list(table["names"]) == kept  # type: ignore[call-overload]
     assert np.shape(table["matrix"]) == (len(kept), len(kept))
+
+
+def test_the_values_of_the_answer_come_from_more_windows_of_the_same_pieces() -> None:
+    case = make_case([record()], [], datasheet(), get_structure("rigid"))
+    assert case.fine.count >= 3 * case.fit.count
+    _, held = split(case.logs, cut(case.logs))
+    starts = np.concatenate([group.starts for group in case.fine.groups])
+    assert not any(((piece.start <= starts) & (starts < piece.stop)).any() for piece in held)
+    rougher = make_case([record(dry=1.1 * DRY)], [], datasheet(), get_structure("rigid"))
+    scales, problem = scales_of(case.joint, case.logs), Problem(case.fit)
+    terms = (*base_terms(case.joint, scales), candidates(case.joint, scales, case.logs)[0])
+    fit = problem.fit(Model(case.joint, terms))
+    found = Found(fit, fit, (), (), ())
+    levels = []
+    for fine in (case.fine, rougher.fine):
+        refined = _finer(replace(case, fine=fine), problem, found).fit
+        levels.append(refined.model.values(refined.z)[-1][0])
+        assert [e.shape for e in refined.errors] == [e.shape for e in fit.errors]
+    assert levels == pytest.approx([DRY, 1.1 * DRY], rel=0.02)
