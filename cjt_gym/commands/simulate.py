@@ -42,7 +42,6 @@ from cjt_gym.records import FORMATS, Record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
-DRIVE = "drive"
 TRACKING, NONE = "pd_feedforward", "none"
 """The default controller, and the name for no controller at all."""
 COMMANDS, CURRENT = ("i_cmd", "tau_cmd"), "i"
@@ -90,7 +89,7 @@ def run(options: argparse.Namespace) -> Answer:
     joint = load_joint(options.joint, task.structure, options.drive, effects, loaded)
     dt_physics = options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9))
     if task.replayed == CURRENT:
-        own = {n: v for n, v in joint.effects.items() if EFFECTS[n].stage != DRIVE}
+        own = {n: v for n, v in joint.effects.items() if EFFECTS[n].stage != "drive"}
         joint = replace(joint, effects=own)
     joint = with_current_loop(joint, dt_physics)
     record = simulate(
@@ -113,8 +112,8 @@ def run(options: argparse.Namespace) -> Answer:
         "added_load": loaded.get("I_l"),
         "peak_torque": largest,
     }
-    how = PAST if task.replayed == CURRENT else "command replayed in open loop"
-    how = f"tracking error {rmse:.4g} N m rms" if tracks else how
+    replayed = PAST if task.replayed == CURRENT else "command replayed in open loop"
+    how = f"tracking error {rmse:.4g} N m rms" if tracks else replayed
     peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
     return result, f"{path}: {len(record)} samples, {how}{peak}{_hung(joint, loaded)}"
 

@@ -64,6 +64,13 @@ def test_the_effect_that_frees_a_value_far_off_explains_it(tmp_path: Path, facto
     assert found.effects[0].parameters["d_m"].value == pytest.approx(off["d_m"], rel=0.02)
 
 
+def number_of(found: Diagnosis, effect: str, symbol: str) -> float:
+    """Return a number of an effect of the joint that was found."""
+    entry = found.joint.effects[effect][symbol]
+    assert isinstance(entry, Quantity)
+    return entry.number
+
+
 def sticking(folder: Path, level: float, structure: str = STRUCTURE) -> Diagnosis:
     """Return the diagnosis of a joint that sticks, by a datasheet that does not say that it does.
 
@@ -81,10 +88,10 @@ def test_friction_within_its_tolerance_is_refined(tmp_path: Path, structure: str
     found = sticking(tmp_path, 2.8, structure)
     assert (found.verdict, found.effects) == ("no_gap", ())
     assert not any(stage.significant for stage in found.stages.values())
-    level = found.joint.effects["coulomb"]["d_cm"].number  # type: ignore[union-attr]
+    level = number_of(found, "coulomb", "d_cm")
     if structure == "rigid":  # no torque is measured: all are known in proportion to k_t
         known = joint_of(tmp_path, FRICTION, structure).parameters.k_t
-        level *= known / found.joint.effects["torque_constant"]["k_t"].number  # type: ignore[union-attr]
+        level *= known / number_of(found, "torque_constant", "k_t")
     assert level == pytest.approx(2.8, rel=0.02)
 
 
@@ -98,7 +105,7 @@ def test_nothing_else_is_blamed_for_listed_friction_within_its_tolerance(
     true = joint_of(tmp_path, effects={"coulomb": {"d_cm": level, "dq_0": 0.0}})
     found = diagnose(record_of(true), sheet.file, STRUCTURE)
     assert (found.verdict, found.effects) == ("no_gap", ())
-    assert found.joint.effects["coulomb"]["d_cm"].number == pytest.approx(level, rel=0.02)  # type: ignore[union-attr]
+    assert number_of(found, "coulomb", "d_cm") == pytest.approx(level, rel=0.02)
 
 
 @pytest.mark.slow
