@@ -234,11 +234,14 @@ def load_friction(view: View, balance: Balance) -> Verdict:
     names = ("a", "v", "s", "one")
     if "tau" in balance and view.channels["tau"].moves:
         return seen(view, balance, balance["s"] * np.abs(balance["tau"]), names, "-", instead)
+    if not view.structure.has_spring and "tau_l" in view:
+        lost = balance["s"] * np.abs(balance["u"])
+        return seen(view, balance, lost, (*names, "u"), "-", instead)
     if view.structure.output_fixed or view.angle_unit == "m":
         return Unseen("the transmitted torque tau is not recorded", instead)
     weight = _weight(balance)
     if weight is None:
-        return Unseen("neither tau nor a weight on the joint shows a varying load", instead)
+        return Unseen("neither tau, tau_l nor a weight on the joint shows a varying load", instead)
     return seen(view, balance, balance["s"] * np.abs(weight), names, "-", instead)
 
 

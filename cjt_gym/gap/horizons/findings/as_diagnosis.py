@@ -8,7 +8,15 @@ from dataclasses import replace
 
 from cjt_gym.gap.candidates.separated import separating
 from cjt_gym.gap.diagnosis import TOO_FAR_OFF, Diagnosis, Horizon, NamedEffect, StageGap, Suggestion
-from cjt_gym.gap.horizons.findings.by_torque import HELD, agrees, beside_torque, told_by_torque
+from cjt_gym.gap.horizons.findings.by_torque import (
+    HELD,
+    KEPT,
+    SET,
+    agrees,
+    beside_torque,
+    told_by_torque,
+    with_told,
+)
 from cjt_gym.gap.horizons.findings.corrected_values import (
     LATE,
     corrected,
@@ -85,8 +93,11 @@ def retold(
         effects = () if blind else beside_torque(judged, seen, effects)
     if not (regressed or loud):
         seen = _beside(judged, seen)
-    by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
+    by_torque = told_by_torque(judged, seen, effects, excluded, alone=regressed or loud)
     held = by_torque and loud and not regressed
+    told_in = KEPT
+    if held and (with_them := with_told(judged, by_torque)) is not judged:
+        judged, told_in = with_them, SET
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     effects = tuple(with_rivals(effects, excluded))
     # If the stages find no cause in the table, it is not there, unless it is a datasheet value, or
@@ -108,7 +119,7 @@ def retold(
     stages = marked(stages, verdict, (*effects, *first.effects))
     unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:
-        unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
+        unexplained = replace(unexplained, text=f"{HELD}{told_in} {unexplained.text}")
     elif said := corrected(judged) if effects else refined(judged):
         unexplained = replace(unexplained, text=f"{said} {unexplained.text}".strip())
     if outside:
@@ -126,7 +137,7 @@ def retold(
         effects=effects,
         gap=gap_of(judged),
         unexplained=unexplained,
-        joint=joint_of(judged, effects, record),
+        joint=joint_of(judged, effects, record, {e.name for e in by_torque if told_in is SET}),
         suggestion=_suggestion(judged, effects, first),
         evidence=pictured(judged, first.evidence),
         horizons=horizons_of(judged),

@@ -7,13 +7,15 @@ of the torque shows where the torque goes whenever the joint moves, whatever mov
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from scipy.stats import t as student
 
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
 from cjt_gym.gap.horizons.fitting.terms import HEAVIEST, scales_of
-from cjt_gym.gap.horizons.prediction.model import Term, motor_inertia
+from cjt_gym.gap.horizons.prediction.model import Draft, Term, drafted, motor_inertia
+from cjt_gym.gap.horizons.prediction.windows import relative
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import BLOCKS, Spent
 from cjt_gym.gap.horizons.torque.inverse import inverse
@@ -23,10 +25,16 @@ from cjt_gym.joint.files.effect_entries import unit_on
 
 HELD = (
     "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
-    "effects and their numbers come from a regression of the torque on the motion; the joint file "
-    "has what predicts the motion best."
+    "effects and their numbers come from a regression of the torque on the motion; "
 )
-"""Message used when effects are identified from the torque alone."""
+"""Message used when effects are identified from the torque alone, followed by what the joint file
+has."""
+KEPT, SET = (
+    "the joint file has what predicts the motion best.",
+    "the joint file has them, and beside them what predicts the motion best.",
+)
+WORSE = 1.02
+"""Ratio of errors up to which a joint with these numbers predicts no worse."""
 NOT_PREDICTED = "the torque shows it, predictions of the motion do not"
 NOT_HELD = "torque and motion of the fitted record show it, the held-out record does not"
 """Doubts of effects that the torque shows."""
@@ -36,14 +44,21 @@ SYMBOLS = {
     "presliding": ("d_cm", "sigma_m"),
     "torque_offset": ("torque",),
     "cogging": ("f", "a", "b"),
+    "torque_constant": ("k_t",),
+    "load_friction": ("mu_m",),
 }
-BODIES = {"damping": "motor", "coulomb": "motor", "presliding": "motor", "gravity": "load"}
+BODIES = {
+    "damping": "motor", "coulomb": "motor", "presliding": "motor", "load_friction": "motor",
+    "gravity": "load",
+}  # fmt: skip
 """Symbols and bodies of the effects that a torque regression can show."""
 EITHER: Mapping[str, tuple[str, ...]] = {
     "coulomb_asym": ("coulomb", "torque_offset"),
     "torque_offset": ("coulomb_asym",),
     "viscous_asym": ("coulomb_asym", "torque_offset"),
     "cogging": ("gear_ripple",),
+    "torque_constant": ("load_friction",),
+    "load_friction": ("torque_constant",),
 }
 """Explanations that are (nearly) equivalent while a joint moves: none of them is confirmed."""
 DRY = friction.DRY | {"load_friction"}
@@ -55,11 +70,16 @@ SAME: Mapping[str, frozenset[str]] = {
     "torque_offset": frozenset({"coulomb_asym", "viscous_asym", "gravity"}),
     "gravity": frozenset({"torque_offset"}),
     "cogging": frozenset(),
+    "torque_constant": frozenset(),
+    "load_friction": frozenset(),
 }
 """For each effect that the torque shows, effects that already account for it or its remainder."""
-FRICTION = frozenset({"damping", "coulomb", "presliding"})
+FRICTION = frozenset({"damping", "coulomb", "presliding", "load_friction"})
 """Laws that only oppose the motion. Where one of them is negative something else moves the joint,
 as the other joints of an arm do, and the other is not friction either."""
+BY_LOAD = frozenset({"torque_constant", "load_friction"})
+"""Effects that the torque shows beside that of a load, and tells apart where the motor both drives
+and brakes."""
 AGREES = 0.5
 """Relative difference up to which a fit and a regression agree."""
 LEAST = 1e-3
@@ -91,7 +111,12 @@ def _covered(name: str, seen: Mapping[str, Spent]) -> bool:
 
 
 def told_by_torque(
-    judged: Judgement, seen: Mapping[str, Spent], named: Sequence[NamedEffect], *, alone: bool
+    judged: Judgement,
+    seen: Mapping[str, Spent],
+    named: Sequence[NamedEffect],
+    excluded: Collection[str] = (),
+    *,
+    alone: bool,
 ) -> tuple[NamedEffect, ...]:
     """Return effects that the torque shows and that are not named yet, all of them tentative.
 
@@ -99,6 +124,7 @@ def told_by_torque(
         judged: The judgement.
         seen: Effects found by the regression.
         named: Effects that are named already.
+        excluded: Effects that the record cannot identify.
         alone: Whether the torque is the only evidence, as nothing predicts the motion.
     """
     names = {e.name for e in named}
@@ -115,11 +141,16 @@ def told_by_torque(
             continue  # over a short travel it stands for something that gives way
         if not alone and is_guessed(one.name, joint):
             continue
+        alike = tuple(
+            n
+            for n in either(one.name, joint)
+            if n not in seen and (n not in BY_LOAD or n in excluded)
+        )
         found.append(
             NamedEffect(
                 one.name, EFFECTS[one.name].stage, BODIES.get(one.name), None,
                 _numbers(one, joint), "tentative", EVEN_CHANCE,
-                one.share if alone else 0.0, either(one.name, joint),
+                one.share if alone else 0.0, alike,
                 doubt=NOT_PREDICTED if alone or one.name not in refuted else NOT_HELD,
             )
         )  # fmt: skip
@@ -132,6 +163,26 @@ def beside_torque(
     """Return the named effects of which the torque tells neither them nor an equivalent."""
     tells = {e.name: seen[e.name] for e in told_by_torque(judged, seen, (), alone=True)}
     return tuple(e for e in named if not _covered(e.name, tells))
+
+
+def with_told(judged: Judgement, effects: Sequence[NamedEffect]) -> Judgement:
+    """Return a judgement whose joint has the numbers of effects, if it predicts no worse so."""
+    draft = Draft(judged.joint.file, judged.joint.effects)
+    for effect in effects:
+        for other in EFFECTS[effect.name].excludes:
+            draft.effects.pop(other, None)
+        parameters = EFFECTS[effect.name].parameters
+        series = {p.symbol for p in parameters if p.series}
+        draft.row(effect.name).update(
+            (s, (x.value,) if s in series else x.value) for s, x in effect.parameters.items()
+        )
+    joint = drafted(judged.joint, draft)
+    windows = judged.case.test
+    before, after = (relative(windows, windows.errors(j)) for j in (judged.joint, joint))
+    if any(after[key] > WORSE * before[key] for key in before):
+        return judged
+    rows = tuple(replace(row, found=after[row.channel, row.seconds]) for row in judged.rows)
+    return replace(judged, joint=joint, rows=rows)
 
 
 def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:

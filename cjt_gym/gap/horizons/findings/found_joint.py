@@ -26,17 +26,25 @@ OPEN = "which leaves it open: it predicts best, and is not drawn"
 """What the source of a value says that the record hardly determines."""
 TORN = "open: predictions and a regression of the torque disagree, the interval covers both"
 """What the source of an inertia says on which they do."""
+REGRESSED = "by a regression of the torque"
+"""What the source of a value says that only such a regression shows."""
 RARE = 1e-3
 """Share of samples ignored at each end of the speed range, mostly glitches of a derivative."""
 
 
-def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> JointFile:
+def joint_of(
+    judged: Judgement,
+    effects: Sequence[NamedEffect],
+    record: str,
+    by_torque: Collection[str] = (),
+) -> JointFile:
     """Return the joint file of a judgement's answer.
 
     Args:
         judged: The judgement.
         effects: Named effects with their intervals.
         record: Name of the record, for the sources of the entries.
+        by_torque: Those of the effects whose numbers a regression of the torque gave.
     """
     answer, nominal = judged.joint, judged.case.joint.file
     source = f"identified from {record}"
@@ -46,14 +54,15 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
     intervals = {
         f"{e.name}.{symbol}": interval for e in effects for symbol, interval in e.parameters.items()
     }
+    regressed = {key: x for key, x in intervals.items() if key.split(".")[0] in by_torque}
     untold: frozenset[str] = frozenset()
     if scatter is not None:
         untold = scatter.untold([e.name for e in effects])
         fitted = {k: one for k, one in scatter.intervals().items() if k not in untold}
         same = {k: i for k, i in intervals.items() if k in fitted and _same(i, fitted[k])}
         torn = _torn(judged, scatter)
-        intervals = fitted | same | torn
-        untold |= torn.keys()
+        intervals = fitted | same | torn | regressed
+        untold |= torn.keys() | regressed.keys()
     table: dict[str, dict[str, Entry]] = {n: dict(v) for n, v in nominal.effects.items()}
     for name in table.keys() - answer.effects.keys():
         if EFFECTS[name].excludes and set(EFFECTS[name].excludes) & answer.effects.keys():
@@ -65,6 +74,7 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         for symbol, value in values.items():
             key = f"{name}.{symbol}"
             why = (OPEN if key not in intervals else TORN) if key in untold else ""
+            why = REGRESSED if key in regressed else why
             said = f"{source}, {why}" if why else source
             entries[symbol] = _entry(judged.case.joint, name, symbol, value, said, intervals)
         table[name] = entries
@@ -160,8 +170,8 @@ def found_at(judged: Judgement, untold: Collection[str] = ()) -> FrozenMapping[P
     if heat:
         low, high = (_short(x) for x in (min(t[0] for t in heat), max(t[1] for t in heat)))
         found["temperature"] = {"low": low, "high": high, "unit": "degC"}
-    if (scatter := _scatter(judged)) is not None:
-        found["covariance"] = scatter.table(untold)
+    if (scatter := _scatter(judged)) is not None and (table := scatter.table(untold))["names"]:
+        found["covariance"] = table
     return freeze(found)
 
 

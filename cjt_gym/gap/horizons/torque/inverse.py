@@ -40,10 +40,15 @@ OVER = 0.1
 """Time over which torque and motion are smoothed [s]."""
 FEWEST = 50
 """Fewest samples of motion."""
+WIDTH = 8
+"""Number of regressor columns."""
 OUTSIDE = 3.0
 """Number of tolerances, and of deviations, by which damping must exceed the datasheet's."""
-PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
-"""Regressor columns of each effect."""
+PLACES = {
+    "damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5),
+    "torque_constant": (6,), "load_friction": (7,),
+}  # fmt: skip
+"""Regressor columns of each effect; the last two need the measured torque of a load."""
 HELD_IN = {
     "coulomb_asym": ("coulomb", "torque_offset"),
     "viscous_asym": ("damping", "torque_offset"),
@@ -128,13 +133,13 @@ def spent(
         if not weak:
             break
         names.remove(min(weak, key=lambda n: weights[n][0]))
-    alone = [_spent(name, names, fits, weights[name][0]) for name in names]
+    alone = [_spent(joint, name, names, fits, weights[name][0]) for name in names]
     if not names or DRAG in names or DRAG not in asked:
         return alone
     error, fits = _predicted(columns, torque, [*names, DRAG])
     if error.sum() >= full.sum() or fits[:, -1].mean() < 0.0:
         return alone
-    beside = (_spent(one.name, [*names, DRAG], fits, one.share) for one in alone)
+    beside = (_spent(joint, one.name, [*names, DRAG], fits, one.share) for one in alone)
     return [new for old, new in zip(alone, beside, strict=True) if new.size > HALF * old.size]
 
 
@@ -167,7 +172,7 @@ def seen_in_torque(
     told -= {DRAG} if logs[0].voltage else set()  # the tolerance of r is one of damping
     found = [one for one in spent(joint, logs, names, wave, path) if one.name in told]
     found = [_as_bristles(one, path) if path and one.name == "coulomb" else one for one in found]
-    seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
+    seen = {one.name: one for one in found if _new(joint, one)}
     return seen if wave is None else seen | {wave.name: wave}
 
 
@@ -239,16 +244,16 @@ def swinging(joint: Joint, logs: Sequence[Log]) -> tuple[float, float] | None:
     columns, torque = _moving(joint, logs)
     if len(torque) < BLOCKS * SHORTEST:
         return None
-    acceleration, pull = columns[:, 0], columns[:, 3:]
+    acceleration, pull = columns[:, 0], columns[:, 3:6]
     own = pull @ np.linalg.lstsq(pull, acceleration, rcond=None)[0]
     if np.var(acceleration - own) > SWINGS * np.var(acceleration):
         return None
-    others = np.column_stack([torque, columns[:, 1:]])
+    others = np.column_stack([torque, columns[:, 1:6]])
     ratios = np.linalg.lstsq(others, acceleration, rcond=None)[0]
     if ratios[0] <= 0.0:
         return None
     weight = -ratios[-2:] / ratios[0]
-    if np.mean(torque**2) > SWINGS**2 * np.mean((columns[:, -2:] @ weight) ** 2):
+    if np.mean(torque**2) > SWINGS**2 * np.mean((pull[:, -2:] @ weight) ** 2):
         return None
     return float(weight[0]), float(weight[1])
 
@@ -265,24 +270,52 @@ def drag_law(joint: Joint, logs: Sequence[Log]) -> str:
     return "faster" if float(bent_too[1][:, -1].mean()) > 0.0 else "more slowly"
 
 
-def _new(joint: Joint, damping: Spent) -> bool:
-    """Return whether damping exceeds the datasheet's, which a regression also finds."""
+def _new(joint: Joint, one: Spent) -> bool:
+    """Return whether an effect differs from what the datasheet states, as a regression finds both.
+
+    More damping does, and another torque constant.
+    """
+    if one.name == "torque_constant":
+        stated, spread = joint.parameters.k_t, tolerance_of(joint.file, "k_t", VAGUE)
+        off = abs(one.values[0] - stated)
+        return off > OUTSIDE * max(min(spread, VAGUE) * stated, one.deviations[0])
+    if one.name != "damping":
+        return True
     own = [f"d_{b}" for b in body_group(joint.structure_row, "m")]
     known = {s: joint.parameters.get(s, 0.0) for s in own if joint.parameters.get(s, 0.0) > 0.0}
     allowed = OUTSIDE * sum(
         d * min(tolerance_of(joint.file, s, VAGUE), VAGUE) for s, d in known.items()
     )
-    return damping.values[0] - sum(known.values()) > max(allowed, OUTSIDE * damping.deviations[0])
+    return one.values[0] - sum(known.values()) > max(allowed, OUTSIDE * one.deviations[0])
 
 
 def _less(names: Sequence[str], name: str) -> list[str]:
     return [n for n in names if n != name]
 
 
-def _spent(name: str, names: Sequence[str], fits: Floats, share: float) -> Spent:
-    used = [0, *(k for n in names for k in PLACES[n])]
-    own = fits[:, [used.index(k) for k in PLACES[name]]]
+def _spent(joint: Joint, name: str, names: Sequence[str], fits: Floats, share: float) -> Spent:
+    places = dict(zip([0, *(k for n in names for k in PLACES[n])], fits.T, strict=True))
+    own = np.stack([places[k] for k in PLACES[name]], axis=1)
+    if name in ("torque_constant", "load_friction"):
+        own = _by_load(joint, name, *(places.get(k, np.zeros(len(fits))) for k in (6, 7)))
     return Spent(name, tuple(own.mean(axis=0).tolist()), tuple(deviations(own).tolist()), share)
+
+
+def _by_load(joint: Joint, name: str, off: Floats, lost: Floats) -> Floats:
+    """Return the torque constant, or the friction per transmitted torque, of fits, shape (K, 1).
+
+    Driving, a motor's torque T passes on T / (1 + mu), and braking T / (1 - mu).
+
+    Args:
+        joint: The nominal joint.
+        name: The effect.
+        off: By how much the torque constant seems to be off, relative to its nominal, shape (K,).
+        lost: Share of the nominal torque that friction seems to take, shape (K,).
+    """
+    ratio = 1.0 + off
+    if name == "load_friction":
+        return (lost / ratio)[:, None]
+    return (joint.parameters.k_t * (ratio - lost**2 / ratio))[:, None]
 
 
 def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
@@ -305,7 +338,7 @@ def _moving(
     sprung = joint.structure_row.has_spring
     usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
     if not usable or any(log.voltage and "r" not in joint.parameters for log in usable):
-        return np.zeros((0, 6 + squared)), np.zeros(0)
+        return np.zeros((0, WIDTH + squared)), np.zeros(0)
     parts = [_columns(joint, log, sprung, wave, path) for log in usable]
     columns, fine, square, torque = (np.concatenate(x) for x in zip(*parts, strict=True))
     if not path:
@@ -327,13 +360,13 @@ def _columns(
     """Return the regressors where the joint moves, and the motor's torque.
 
     Returns:
-        The regressors, shape (M, 6). The sign of the speed once more, averaged as torques are,
+        The regressors, shape (M, 8). The sign of the speed once more, averaged as torques are,
         shape (M,): it is sharper where motion is fast, and noise where the angle is coarse. The
         square of the speed with its sign, and the torque, shape (M,).
     """
     p = joint.parameters
     count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
-    torque = p.k_t * p.n * log.command
+    motor = torque = p.k_t * p.n * log.command
     if log.voltage:
         torque = (torque - (p.k_t * p.n) ** 2 * log.speed) / p.r
     torque = torque - (felt_torque(log.measured["tau"], joint.file) if sprung else -log.load)
@@ -344,13 +377,15 @@ def _columns(
     angle = log.measured["q_m"]
     rise, bend = np.gradient(angle, log.dt), np.diff(angle, 2, prepend=angle[0], append=angle[-1])
     turn = np.sign(log.speed)
-    channels = (angle, rise, bend / log.dt**2, turn, turn * log.speed**2, torque)
-    q, v, a, fine, square, torque = _averaged(channels, count)
+    known = float(np.ptp(log.load) > 0.0 and not log.voltage)
+    channels = (angle, rise, bend / log.dt**2, turn, turn * log.speed**2, torque, motor)
+    q, v, a, fine, square, torque, motor = _averaged(channels, count)
     usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
     whole = binary_erosion(log.whole, iterations=count // 2, border_value=0)
     use = whole & (np.abs(v) > usual)
     dry = bent(q, path) if path else np.sign(v)
-    columns = np.stack([a, v, dry, -np.ones_like(v), np.cos(q), np.sin(q)], axis=1)
+    beside = -known * motor, known * np.sign(v) * np.abs(motor)
+    columns = np.stack([a, v, dry, -np.ones_like(v), np.cos(q), np.sin(q), *beside], axis=1)
     return columns[use], fine[use], square[use], torque[use]
 
 
