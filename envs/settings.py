@@ -92,6 +92,17 @@ def default_load(name: str, structure: str, parameters: Mapping[str, float]) -> 
     return values
 
 
+def told_load(joint: Joint, loaded: Mapping[str, float]) -> str:
+    """Return what to say of a load that the joint file does not have, after a sentence."""
+    if "I_l" not in loaded:
+        return ""
+    p = joint.parameters
+    return (
+        f". A load of I_l = {loaded['I_l']:.4g} {p.unit('I_l')} hangs on it, as {p.name} has none "
+        "against which a torque could be held; give I_l in the joint file to set it"
+    )
+
+
 def default_amplitude(p: JointParameters) -> float:
     """Return a tenth of the peak torque, or thrice the Coulomb friction if that is more [N m]."""
     if "i_p" not in p:

@@ -20,7 +20,7 @@ from cjt_gym.console.options import (
     tell_effects,
 )
 from cjt_gym.disk import refuse_inputs, write_text
-from cjt_gym.envs.settings import default_load
+from cjt_gym.envs.settings import default_load, told_load
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 from cjt_gym.export.c_files import Header, controller_to_c, observer_to_c
@@ -155,7 +155,7 @@ def _write_law(options: argparse.Namespace) -> Answer:
     known = {"error": checked.error if checked.steps else None, "note": checked.note}
     told = f"as in Python to {checked.error:.1e} of its largest output, {checked.steps} steps"
     line = f"{options.out}: {told if checked.steps else f'not tried. {checked.note}'}"
-    return result | known, line
+    return result | known, f"{line.rstrip('.')}{told_load(joint, load)}."
 
 
 def _observer_header(

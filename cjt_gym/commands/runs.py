@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
+from collections.abc import Mapping
 
 from cjt_gym.console import Answer
 from cjt_gym.training.benchmark import align, in_columns
@@ -15,6 +17,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "run folders, or folders that contain runs; default: runs"
     add("folders", nargs="*", default=["runs"], metavar="FOLDER", help=text)
     add("--page", action="store_true", help="write page.html into every listed run")
+
+
+WIDTH, LONGEST = 100, 60
+"""Width of a line, and greatest length of a value, which --json has in full."""
 
 
 def run(options: argparse.Namespace) -> Answer:
@@ -30,8 +36,16 @@ def run(options: argparse.Namespace) -> Answer:
     lines = [align(in_columns(rows, COLUMNS))]
     for row in rows:
         if row["differs"]:
-            changes = ", ".join(f"{name} = {value}" for name, value in row["differs"].items())
-            lines.append(f"{row['run']} differs from the first in {changes}")
+            said = f"{row['run']} differs from the first in {_changes(row['differs'])}"
+            lines += textwrap.wrap(said, WIDTH, subsequent_indent="  ")
         if options.page:
             lines.append(row["page"])
     return rows, "\n".join(lines)
+
+
+def _changes(differs: Mapping[str, object]) -> str:
+    """Return options with their values, those that are long cut short."""
+    said = ((name, str(value)) for name, value in differs.items())
+    return ", ".join(
+        f"{name} = {text if len(text) <= LONGEST else f'{text[:LONGEST]} …'}" for name, text in said
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
@@ -28,7 +27,7 @@ from cjt_gym.console.options import (
     tell_effects,
 )
 from cjt_gym.disk import refuse_inputs
-from cjt_gym.envs.settings import default_amplitude, default_load
+from cjt_gym.envs.settings import default_amplitude, default_load, told_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.configure import plain_effects
@@ -115,18 +114,7 @@ def run(options: argparse.Namespace) -> Answer:
     replayed = PAST if task.replayed == CURRENT else "command replayed in open loop"
     how = f"tracking error {rmse:.4g} N m rms" if tracks else replayed
     peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
-    return result, f"{path}: {len(record)} samples, {how}{peak}{_hung(joint, loaded)}"
-
-
-def _hung(joint: Joint, loaded: Mapping[str, float]) -> str:
-    """Return what to say of a load that the joint file does not have."""
-    if "I_l" not in loaded:
-        return ""
-    p = joint.parameters
-    return (
-        f". A load of I_l = {loaded['I_l']:.4g} {p.unit('I_l')} hangs on it, as {p.name} has none "
-        "against which a torque could be held; give I_l in the joint file to set it"
-    )
+    return result, f"{path}: {len(record)} samples, {how}{peak}{told_load(joint, loaded)}"
 
 
 @dataclass(frozen=True, eq=False)

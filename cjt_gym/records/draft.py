@@ -22,13 +22,16 @@ HEAD: Final = """\
 # n = 100  # gear ratio, needed for side = "motor" unless the joint gives it
 """
 KINDS: Final = {
-    "temperature": "temp temperature degc",
-    "t": "t time timestamp stamp clock ms us ns sec seconds",
-    "dq": "dq qd qdot vel velocity speed omega w rpm dtheta deg/s rad/s dps",
-    "i": "i iq current cur curr amp amps ampere ma",
-    "v": "u v uq vq volt volts voltage mv",
-    "tau": "tau torque trq moment nm",
-    "q": "q pos position ang angle theta phi enc encoder deg rad rev counts",
+    "temperature": "temp temperature temperatur degc",
+    "t": "t time timestamp stamp clock zeit temps tiempo tempo ms us ns sec seconds",
+    "dq": (
+        "dq qd qdot vel velocity speed omega w rpm dtheta deg/s rad/s dps drehzahl geschwindigkeit "
+        "vitesse velocidad"
+    ),
+    "i": "i iq current cur curr amp amps ampere ma strom courant corriente corrente",
+    "v": "u v uq vq volt volts voltage mv spannung tension",
+    "tau": "tau torque trq moment nm drehmoment couple",
+    "q": "q pos position ang angle theta phi enc encoder deg rad rev counts winkel angulo posicion",
 }
 """Words by which a quantity is known, those that also occur in others' names last."""
 COMMAND: Final = "cmd command commanded set setpoint soll target des desired demand goal"

@@ -198,6 +198,10 @@ def _shipped() -> Path:
 
 def table_path(path_or_name: str | Path) -> Path:
     """Return the path of a table, of the one a ``.toml`` belongs to, or of a shipped record."""
+    if not isinstance(path_or_name, str | os.PathLike):
+        raise RecordError(
+            f"A log is named by its path, or by the name of a shipped record, got {path_or_name!r}."
+        )
     if str(path_or_name) in record_names():
         return _shipped() / f"{path_or_name}.npz"
     path = Path(path_or_name)

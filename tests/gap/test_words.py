@@ -53,6 +53,14 @@ def test_a_wave_repeats_over_a_revolution_or_over_metres(unit: str, over: str) -
     assert said.startswith(f"14.0 per {over}, 0.5")
 
 
+def test_numbers_of_several_units_have_their_symbols() -> None:
+    sizes = {"d_sm": Interval(0.02, 0.01, 0.03, "N m"), "v_s": Interval(11.0, 9.0, 12.0, "rad/s")}
+    falling = NamedEffect("stribeck", "motor", "motor", None, sizes, "tentative", 0.5, 0.1)
+    assert effect_sizes(falling).replace("\N{NO-BREAK SPACE}", " ") == (
+        "d_sm = 0.020 N m, v_s = 11 rad/s"
+    )
+
+
 def test_noise_is_told_beside_a_gap_and_not_as_its_cause(explained: Diagnosis) -> None:
     size = {"noise": Interval(0.03, 0.02, 0.04, "A")}
     noise = NamedEffect("noise", "sensing", None, "i", size, "confirmed", 0.9, 0.1)

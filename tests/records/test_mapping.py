@@ -276,6 +276,11 @@ def test_shifts_that_make_no_sense_are_refused(
         read_record(write_log(tmp_path), mapping=mapping)
 
 
+def test_what_is_no_path_names_no_log() -> None:
+    with pytest.raises(RecordError, match="named by its path, .* got 5"):
+        read_log(5)  # type: ignore[arg-type]
+
+
 def test_files_of_mappings_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="There is no mapping .*none.toml"):
         load_mapping(tmp_path / "none.toml")
@@ -314,6 +319,8 @@ def test_dates_as_text_are_seconds(tmp_path: Path, zone: str) -> None:
         ("mot_ang", "q_m"),
         ("Load cell [mNm]", "tau"),
         ("motor torque [mN m]", "tau_m"),
+        ("zeit_s", "t"),
+        ("Strom (A)", "i"),
     ],
 )
 def test_a_draft_knows_what_a_name_tells_of_and_what_it_does_not(

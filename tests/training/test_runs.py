@@ -18,6 +18,7 @@ from cjt_gym.training.learning.config import VALIDATION_SEEDS, TrainConfig, envi
 from cjt_gym.training.learning.policy import load_policy
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.run_page import write_run_page
+from cjt_gym.training.learning.runs import row_of
 from cjt_gym.training.learning.train import start_from, train
 
 
@@ -34,6 +35,18 @@ def test_runs_are_listed_best_first_with_what_differs(
     assert set(differs) == {"seed", "total_steps"}
     assert main(["runs", str(finished.path)]) == 0
     assert "finished" in capsys.readouterr().out
+
+
+def test_what_differs_is_listed_in_short_lines(
+    finished: RunFolder, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long = {"env.parameters": list(range(500)), **{f"option_{k}": k for k in range(40)}}
+    rows = [row_of(finished) | {"differs": long}]
+    monkeypatch.setattr("cjt_gym.commands.runs.compared", lambda _: rows)
+    assert main(["runs", str(finished.path)]) == 0
+    text = capsys.readouterr().out
+    assert "option_39 = 39" in text
+    assert max(map(len, text.splitlines()[2:])) <= 100
 
 
 def test_nothing_to_list_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -160,7 +160,7 @@ def effect_sizes(effect: NamedEffect) -> str:
         values = " / ".join(number(item.value, 2) for item in p.values())
         unit = units.pop()
         return values if unit == "-" else f"{values} {unit}".replace(" ", SPACE)
-    return ", ".join(quantity(item.value, item.unit, 2) for item in list(p.values())[:3])
+    return ", ".join(f"{symbol} = {quantity(x.value, x.unit, 2)}" for symbol, x in p.items())
 
 
 def in_words(effect: NamedEffect) -> str:
