@@ -203,3 +203,20 @@ def test_friction_of_one_direction_is_plain_friction_beside_an_offset(
     assert one.value == pytest.approx(level)
     assert one.low <= 0.25 <= 0.8 <= one.high
     assert told.confusable_with == ("coulomb_asym", *alike[1:])
+
+
+@pytest.mark.parametrize(
+    ("rise", "name"),
+    [((0.0, 0.07), "coulomb"), ((0.01, 0.07), "stribeck"), ((0.0, 0.6), "stribeck")],
+)
+def test_friction_that_may_not_fall_at_all_is_plain(rise: tuple[float, float], name: str) -> None:
+    numbers = {
+        "d_cm": Interval(0.5, 0.45, 0.55, "N m"), "d_sm": Interval(0.02, *rise, "N m"),
+        "v_s": Interval(0.1, 0.01, 1.5, "rad/s"),
+    }  # fmt: skip
+    effect = NamedEffect("stribeck", "motor", "motor", None, numbers, "tentative", 0.5, 0.5)
+    told = as_plain(effect)
+    assert told.name == name
+    if name == "coulomb":
+        assert told.parameters == {"d_cm": numbers["d_cm"]}
+        assert told.confusable_with == ("stribeck",)

@@ -121,9 +121,12 @@ def _told(
 
 
 def _ahead(found: Judgement) -> str:
-    """Return that the motion is ahead of the current that is its input, "" if it is not."""
+    """Return that the motion is ahead of the current that is its input, "" if it is not.
+
+    Where hardly anything is predicted, no instant of the current is better than another.
+    """
     log = found.case.logs[0]
-    if not log.early:
+    if not log.early or main_row(found).found > LOUD:
         return ""
     late = 1e3 * log.early * log.dt / log.rows
     return (

@@ -148,10 +148,15 @@ def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
 
 
 def as_plain(effect: NamedEffect) -> NamedEffect:
-    """Return dry friction that differs with the direction as plain if that fits as well.
+    """Return dry friction that differs with direction or speed as plain if that fits as well.
 
-    It is nearly symmetric then, or acts in one direction only, as if an offset were hidden in it.
+    It is nearly symmetric then, or acts in one direction only, as if an offset were hidden in it;
+    or what it has more at low speed may be nothing, and is less than its level.
     """
+    if _hardly_falls(effect):
+        level = {k: x for k, x in effect.parameters.items() if k.startswith("d_c")}
+        alike = (effect.name, *(n for n in effect.confusable_with if n != "coulomb"))
+        return replace(effect, name="coulomb", parameters=level, confusable_with=alike)
     plain = "coulomb" in effect.confusable_with
     if effect.name != "coulomb_asym" or not plain or len(effect.parameters) != 2:
         return effect
@@ -168,6 +173,15 @@ def as_plain(effect: NamedEffect) -> NamedEffect:
     doubt = effect.doubt.replace(told, _instead(alike))
     numbers = {symbol: both}
     return replace(effect, name="coulomb", parameters=numbers, confusable_with=alike, doubt=doubt)
+
+
+def _hardly_falls(effect: NamedEffect) -> bool:
+    """Return whether Stribeck friction may have no more than its level at low speed."""
+    levels = [x for symbol, x in effect.parameters.items() if symbol.startswith("d_c")]
+    rises = [x for symbol, x in effect.parameters.items() if symbol.startswith("d_s")]
+    pairs = zip(rises, levels, strict=False)
+    hardly = all(rise.low <= 0.0 and rise.high < level.low for rise, level in pairs)
+    return effect.name == "stribeck" and bool(levels) and len(levels) == len(rises) and hardly
 
 
 def _instead(alike: Sequence[str]) -> str:
