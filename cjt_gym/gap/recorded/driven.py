@@ -42,7 +42,7 @@ def driven_only(
     """Return records without what others move: the rows are missing (NaN), and a sentence on each.
 
     A joint is moved by something else where it speeds up over more than a revolution although its
-    motor is off, unless a measured torque is what moves it.
+    motor is off, unless a measured torque is what moves it, or the load behind its spring may.
 
     Args:
         records: Records of one joint, several of which may be pieces of one log.
@@ -79,7 +79,8 @@ def _moved_by_others(
     record: Record, shape: Structure, largest: Mapping[str, float]
 ) -> list[tuple[float, float]]:
     """Return the first and last time of each stretch that something else moves [s]."""
-    known = "tau_l" in record or (shape.has_spring and "tau" in record)
+    sprung = shape.has_spring and ("tau" in record or not shape.output_fixed)
+    known = "tau_l" in record or sprung
     inputs = [name for name in INPUTS if name in record and largest[name] > 0.0]
     if known or record.prismatic or "q_m" not in record or not inputs:
         return []

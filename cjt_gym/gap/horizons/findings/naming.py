@@ -30,6 +30,7 @@ from cjt_gym.gap.horizons.fitting.datasheet import stated_tolerance
 from cjt_gym.gap.horizons.fitting.fit import Fit
 from cjt_gym.gap.horizons.fitting.terms import scales_of
 from cjt_gym.gap.horizons.fitting.uncertainty import Spread
+from cjt_gym.gap.horizons.prediction.log import goes_both_ways
 from cjt_gym.gap.horizons.prediction.model import SKEW, Term
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
@@ -271,6 +272,8 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
             "an error of the input or the angle may look like it",
         ),
         (_is_unfelt(judged, term), "the torque does not show it"),
+        (_is_in_zero(judged, term), "the zero of the twist may take its place"),
+        (_is_at_an_end(found.fit, index), "its number is at the end of its range"),
         (term.name == "stribeck" and not _levelled(found.fit, index), LEVELLESS),
         (
             log.voltage and term.name not in LATE and bool(LATE & names),
@@ -300,6 +303,24 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
         (bool(strained), f"{' and '.join(strained)} had to leave {theirs} beside it"),
     )
     return next((why for holds, why in doubts if holds), "")
+
+
+def _is_in_zero(judged: Judgement, term: Term) -> bool:
+    """Return whether a twist that is not zero without torque looks like friction of the load.
+
+    Where the torque was not measured and all motion has one direction, both twist the spring alike.
+    """
+    logs = judged.case.logs
+    if term.name != "load_coulomb" or any("tau" in log.measured for log in logs):
+        return False
+    return not any(goes_both_ways(log.states[log.inside, 5]) for log in logs)
+
+
+def _is_at_an_end(fit: Fit, index: int) -> bool:
+    """Return whether a number of a term would go on beyond its bound, other than to nothing."""
+    model = fit.model
+    pairs = zip(model.terms[index].numbers, fit.z[model.span(index)], strict=True)
+    return any(n.at_bound(float(z)) and n.value(float(z)) != 0.0 for n, z in pairs)
 
 
 def _is_unfelt(judged: Judgement, term: Term) -> bool:

@@ -37,6 +37,8 @@ FEWEST = 100
 """Fewest samples of a usable channel."""
 STUCK = 0.05
 """Share of the usual speed below which dry friction cannot be evaluated."""
+EITHER_WAY = 0.1
+"""Share of the motion that either direction must have for its friction to be seen."""
 Drive = Literal["i", "i_cmd", "v"]
 
 
@@ -325,24 +327,35 @@ def _relaxed(
 ) -> float:
     """Return the offset of the load's angle that makes deflection zero at zero torque [rad].
 
-    Encoder zeros are arbitrary: they follow from a regression of the deflection on the torque, or
-    on the input if the torque was not measured. Of a held output also on what inertia and friction
-    take from the input, which may differ with the direction. The motor's angle is left unchanged,
-    because cogging and ripple refer to its zero.
+    Encoder zeros are arbitrary: they follow from a regression of the deflection on the torque or,
+    if that was not measured, on what takes it: inertia and friction of a free load; of a held
+    output the input, less what they take from it. Friction may differ with the direction, which
+    motion in one direction does not show. The motor's angle is left unchanged, because cogging and
+    ripple refer to its zero.
     """
     unseen = "q_m" not in measured or (q_l is None and not structure.output_fixed)
     if unseen or not structure.has_spring:
         return 0.0
     q_m = measured["q_m"]
     twist = q_m - (q_l if q_l is not None else 0.0)
-    if "tau" in measured or not structure.output_fixed:
-        columns, use = [measured.get("tau", drive)], whole
+    if "tau" in measured:
+        columns, use = [measured["tau"]], whole
     else:
-        twist, speed, acceleration = smoothed(twist, dt), *(smoothed(q_m, dt, k) for k in (1, 2))
+        moves = q_m if structure.output_fixed or q_l is None else q_l
+        twist, speed, acceleration = smoothed(twist, dt), *(smoothed(moves, dt, k) for k in (1, 2))
         use = whole & (np.abs(speed) > STUCK * float(np.sqrt(np.mean(speed[whole] ** 2))))
-        columns = [smoothed(drive, dt), acceleration, speed, np.abs(speed), np.sign(speed)]
+        columns = [acceleration, speed]
+        if structure.output_fixed:
+            columns += [smoothed(drive, dt), np.abs(speed), np.sign(speed)]
+        elif goes_both_ways(speed[use]):
+            columns += [np.sign(speed)]
     rows = np.stack([*columns, np.ones(len(twist))], axis=1)
     return float(np.linalg.lstsq(rows[use], twist[use], rcond=None)[0][-1])
+
+
+def goes_both_ways(speed: Floats) -> bool:
+    """Return whether either direction has its share of a motion."""
+    return bool(EITHER_WAY < np.mean(speed > 0.0) < 1.0 - EITHER_WAY)
 
 
 def _holes(grid: Floats, t: Floats, columns: list[Floats], dt: float) -> Flags:
