@@ -31,7 +31,7 @@ FAMILY_SHARE = 0.4
 """Share of the leader's gain that a law of the same family must show in a rough fit."""
 CLOSE = 0.8
 """Share of the best gain in evidence above which a second branch is followed."""
-MOST = 3
+MOST = 6
 LEAST = 0.1
 """Share of the remainder that one more effect must explain."""
 LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}

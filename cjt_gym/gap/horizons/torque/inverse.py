@@ -378,13 +378,13 @@ def _columns(
     rise, bend = np.gradient(angle, log.dt), np.diff(angle, 2, prepend=angle[0], append=angle[-1])
     turn = np.sign(log.speed)
     known = float(np.ptp(log.load) > 0.0 and not log.voltage)
-    channels = (angle, rise, bend / log.dt**2, turn, turn * log.speed**2, torque, motor)
-    q, v, a, fine, square, torque, motor = _averaged(channels, count)
+    channels = angle, rise, bend / log.dt**2, turn, turn * log.speed**2, torque, motor, np.abs(motor)
+    q, v, a, fine, square, torque, motor, size = _averaged(channels, count)
     usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
     whole = binary_erosion(log.whole, iterations=count // 2, border_value=0)
     use = whole & (np.abs(v) > usual)
     dry = bent(q, path) if path else np.sign(v)
-    beside = -known * motor, known * np.sign(v) * np.abs(motor)
+    beside = -known * motor, known * np.sign(v) * size
     columns = np.stack([a, v, dry, -np.ones_like(v), np.cos(q), np.sin(q), *beside], axis=1)
     return columns[use], fine[use], square[use], torque[use]
 
