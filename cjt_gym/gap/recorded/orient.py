@@ -22,6 +22,7 @@ from itertools import product
 from math import pi
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import nnls
 from scipy.signal import correlate, correlation_lags, savgol_filter
 
@@ -68,8 +69,14 @@ FASTEST = 20_000
 """Minimum number of samples to compare two channels."""
 HOLE = 0.5
 """Time without any measurement over which channels are not interpolated [s]."""
-ORDER = ("tau", "q_l", "q_g", "dq_m", "dq_g", "dq_l", "q_m", "i", "i_cmd")
+ORDER = ("tau_l", "tau", "q_l", "q_g", "dq_m", "dq_g", "dq_l", "q_m", "i", "i_cmd")
 """Channels whose sign is doubted first if any of several would do."""
+LAWS = {
+    "q_m": "the motor's torque accelerates it",
+    "tau": "the motor's torque loads the spring",
+    "tau_l": "it moves the joint as the motor's torque does",
+}
+"""The laws of the motor's equation, by the channel that it ties to the motor's torque."""
 WOUND = "the spring's torque grows as it is wound"
 """The law of the spring, as a repair tells it."""
 UNIT_FACTORS = {180.0 / pi: "180/pi", pi / 180.0: "pi/180", 1e3: "1000", 1e-3: "1/1000"}
@@ -224,6 +231,7 @@ class _Motor:
     """The motor's equation: its drive torque and the terms that balance it."""
 
     driving: str
+    moving: str  # the channel of its motion: its angle, or its velocity
     drive: Floats
     terms: dict[str, Floats]
     weight: tuple[Floats, ...]  # what a weight on the joint adds, of either sign
@@ -231,12 +239,15 @@ class _Motor:
     @classmethod
     def of(cls, channels: dict[str, Floats], dt: float, axis: str) -> _Motor | None:
         driving = next((name for name in DRIVING if name in channels), None)
-        if driving is None or "q_m" not in channels:
+        moving = next((name for name in ("q_m", "dq_m") if name in channels), None)
+        if driving is None or moving is None:
             return None
         width = int(np.clip(round(SMOOTH / dt) | 1, 5, 101))
-        if len(channels["q_m"]) < 4 * width:
+        if len(channels[moving]) < 4 * width:
             return None
-        q, drive = channels["q_m"], savgol_filter(channels[driving], width, 3)
+        q, drive = channels[moving], savgol_filter(channels[driving], width, 3)
+        if moving == "dq_m":
+            q = cumulative_trapezoid(q, dx=dt, initial=0.0)
         speed = savgol_filter(q, width, 3, deriv=1, delta=dt)
         quick = max(float(np.quantile(np.abs(speed), 0.9)), 1e-300)
         terms = {
@@ -249,7 +260,7 @@ class _Motor:
         if "tau_l" in channels:  # it accelerates the joint as the motor does, which may oppose it
             terms["tau_l"] = -savgol_filter(channels["tau_l"], width, 3)
         heavy = axis == "rotary" and "tau" not in channels and np.ptp(q) > SWING
-        return cls(driving, drive, terms, (np.sin(q), np.cos(q)) if heavy else ())
+        return cls(driving, moving, drive, terms, (np.sin(q), np.cos(q)) if heavy else ())
 
     def fit(self) -> tuple[dict[str, float], float]:
         """Return the factor of each term, and the share of the drive that they explain."""
@@ -258,13 +269,12 @@ class _Motor:
         share = 1.0 - np.var(self.drive - matrix @ factors) / max(np.var(self.drive), 1e-300)
         return dict(zip(self.terms, factors.tolist(), strict=False)), float(share)
 
-    def left(self, of_motion: float, of_torque: float, *, heavy: bool = False) -> float:
-        """Return the unexplained share of the drive for given signs of angle and joint torque.
+    def left(self, signs: Mapping[str, float], *, heavy: bool = False) -> float:
+        """Return the unexplained share of the drive for given signs of q_m, tau and tau_l.
 
         All factors are >= 0, as physics requires, but those of an offset and of a weight.
         """
-        sign = {"tau": of_torque}
-        columns = [sign.get(name, of_motion) * x for name, x in self.terms.items()]
+        columns = [signs.get(name, signs["q_m"]) * x for name, x in self.terms.items()]
         columns = [x / max(float(np.std(x)), 1e-12) for x in columns]
         either = (np.ones_like(self.drive), *(self.weight if heavy else ()))
         matrix = np.column_stack([*columns, *either, *(-x for x in either)])
@@ -273,18 +283,21 @@ class _Motor:
 
     def ties(self) -> list[Tie]:
         """Return the relations of signs by the equation."""
-        names = ["q_m", "tau"][: 1 + ("tau" in self.terms)]
-        laws = ["the motor's torque accelerates it", "the motor's torque loads the spring"]
-        left = {pair: self.left(*pair) for pair in product((1.0, -1.0), repeat=2)}
+        names = [name for name in LAWS if name == "q_m" or name in self.terms]
+        pairs = list(product((1.0, -1.0), repeat=len(names)))
+        left = {pair: self.left(dict(zip(names, pair, strict=True))) for pair in pairs}
         if min(left.values()) > 1.0 - EXPLAINED:
             return []
         clear = [_clear(left, k) for k in range(len(names))]
         if self.weight and clear[0] < 0.0:  # a weight that is lifted looks like a turned inertia
-            heavy = {pair: self.left(*pair, heavy=True) for pair in left}
+            heavy = {
+                pair: self.left(dict(zip(names, pair, strict=True)), heavy=True) for pair in pairs
+            }
             clear[0] = min(_clear(heavy, 0), 0.0)
+        tied = [self.moving if name == "q_m" else name for name in names]
         return [
-            Tie(self.driving, name, c, law)
-            for name, c, law in zip(names, clear, laws, strict=False)
+            Tie(self.driving, own, c, LAWS[name])
+            for own, name, c in zip(tied, names, clear, strict=True)
         ]
 
 
@@ -359,7 +372,7 @@ def _scales(
             bodies = ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
             mass = sum(p.get(name, 0.0) for name in bodies)
             measured = abs(per_term["acceleration"]) * torque
-            found.append(("q_m", motor.driving, "acceleration per current", mass / measured))
+            found.append((motor.moving, motor.driving, "acceleration per current", mass / measured))
     return [
         Repair(
             "unit",

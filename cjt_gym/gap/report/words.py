@@ -157,8 +157,8 @@ def effect_sizes(effect: NamedEffect) -> str:
         return f"{number(p['f'].value)} per {over}, {quantity(size, p['a'].unit, 2)}"
     units = {item.unit for item in p.values()}
     if len(units) == 1:
-        values = " / ".join(number(item.value, 2) for item in p.values())
         unit = units.pop()
+        values = " / ".join(number(item.value, 3 if unit == "-" else 2) for item in p.values())
         return values if unit == "-" else f"{values} {unit}".replace(" ", SPACE)
     return ", ".join(f"{symbol} = {quantity(x.value, x.unit, 2)}" for symbol, x in p.items())
 

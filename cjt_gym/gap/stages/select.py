@@ -32,6 +32,8 @@ FAMILY_SHARE = 0.4
 CLOSE = 0.8
 """Share of the best gain in evidence above which a second branch is followed."""
 MOST = 6
+BESIDE = frozenset({"load_friction", "viscous_asym"})
+"""Laws of friction that a body may have beside another one."""
 LEAST = 0.1
 """Share of the remainder that one more effect must explain."""
 LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}
@@ -79,7 +81,11 @@ class Selection:
         """Return the best model after forward selection."""
         best = self.base
         for stages in self._groups():
-            best = self._beyond(best, self._search(best, stages, self.candidates), stages)
+            found = self._search(best, stages, self.candidates)
+            other = self._with_other_laws(found, stages)
+            if other is not found:
+                found = self._search(other, stages, self.candidates)
+            best = self._beyond(best, found, stages)
         return retuned(self.problem, best)
 
     def _groups(self) -> list[tuple[str, ...]]:
@@ -87,6 +93,36 @@ class Selection:
         names = self.problem.stages.names
         rest = tuple(n for n in names if n != "drive")
         return [("drive",), rest] if "drive" in names else [rest]
+
+    def _with_other_laws(self, best: Fit, stages: tuple[str, ...]) -> Fit:
+        """Return a model with other laws of friction where the table leaves a remainder.
+
+        A law is chosen before what acts beside it is known, and only then do others differ.
+        """
+        if all(best.mean_square[name] < self.beyond**2 for name in stages):
+            return best
+        for index, effect in enumerate(best.model.effects):
+            if effect.family != "friction" or effect.name in BESIDE:
+                continue
+            laws = [
+                h
+                for h in self.candidates
+                if h.family == "friction" and h.body == effect.body and h.key != effect.key
+            ]
+            tried = self.rough(without(self.problem, best, index), laws)[:SHORT_LIST]
+            tried = [
+                self._tried(fit)
+                for fit in tried
+                if set(fit.model.effects[-1].touches) & set(stages)
+            ]
+            self.seen += tried
+            if not tried:
+                continue
+            first = max(tried, key=lambda fit: evidence(self.problem, fit))
+            one, two = (retuned(self.problem, fit) for fit in (best, first))
+            if evidence(self.problem, two) - evidence(self.problem, one) > MARGIN:
+                best = two
+        return best
 
     def _beyond(self, start: Fit, best: Fit, stages: tuple[str, ...]) -> Fit:
         """Return the best model with causes outside the table if the table leaves a remainder.
@@ -340,8 +376,7 @@ def compatible(model: Model, effect: Candidate) -> bool:
     """Return whether an effect is compatible with those of a model: one friction law per body."""
     for other in model.effects:
         if other.family == effect.family == "friction" and other.body == effect.body:
-            plain = {"load_friction", "viscous_asym"}
-            if other.name not in plain and effect.name not in plain:
+            if other.name not in BESIDE and effect.name not in BESIDE:
                 return False
         if other.releases is not None and other.releases == effect.releases:
             return False

@@ -10,6 +10,7 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.torque.inverse import seen_in_torque
+from cjt_gym.gap.recorded.orient import all_oriented
 from cjt_gym.joint import JointFile, Quantity, get_structure
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record
@@ -116,3 +117,12 @@ def test_a_motor_that_only_drives_may_have_either() -> None:
     (effect,) = (e for e in found.effects if e.name == "torque_constant")
     assert effect.parameters["k_t"].value == pytest.approx(ACTUAL, rel=0.03)
     assert "load_friction" in effect.confusable_with
+
+
+def test_a_load_cell_of_the_wrong_sign_is_turned_and_nothing_else() -> None:
+    record = run(0, 0.1)
+    wrong = record.with_columns({"tau_l": -record["tau_l"]})
+    (turned,), said = all_oriented([wrong], motor(), RIGID)
+    np.testing.assert_array_equal(turned["tau_l"], record["tau_l"])
+    assert [repair.text.split(":")[0] for repair in said] == ["tau_l"]
+    assert all_oriented([record], motor(), RIGID) == ([record], [])

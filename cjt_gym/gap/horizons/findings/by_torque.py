@@ -135,7 +135,8 @@ def told_by_torque(
     heaviest = HEAVIEST * scales_of(joint, judged.case.logs).peak
     for one in sorted(seen.values(), key=lambda s: -s.share):
         taken = names | {e.name for e in found}
-        if taken & {one.name, *SAME[one.name]} or (driven and one.name in FRICTION):
+        beside = {"load_friction"} if "load_friction" in seen else set()  # told apart from it
+        if taken & {one.name, *(SAME[one.name] - beside)} or (driven and one.name in FRICTION):
             continue
         if one.name == "gravity" and math.hypot(*one.values) > heaviest:
             continue  # over a short travel it stands for something that gives way

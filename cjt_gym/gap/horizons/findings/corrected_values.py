@@ -124,8 +124,14 @@ def gave_way(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
 
 
 def _given(judged: Judgement, symbol: str) -> float:
-    """Return a value of the joint that is the answer, from its effects or its parameters."""
+    """Return a value of the joint that is the answer, from its effects or its parameters.
+
+    Levels of dry friction are the sum of those of all its laws.
+    """
     nominal, answer = judged.case.joint, judged.joint
+    every = [x for values in answer.effects.values() if isinstance(x := values.get(symbol), float)]
+    if symbol.startswith("d_c") and every:
+        return sum(every)
     rows = [values for name, values in answer.effects.items() if name not in nominal.effects]
     known = [x for values in rows if isinstance(x := values.get(symbol), float)]
     return known[0] if known else answer.parameters.get(symbol, nominal.parameters.get(symbol, 0.0))
@@ -244,7 +250,8 @@ def imposed(judged: Judgement) -> str:
     unit = "kg" if joint.parameters.axis == "prismatic" else "kg m^2"
     return (
         f"The inertia given, {plain(inertia)} {unit}, is one that the torque hardly moves: where "
-        "something else imposes the motion it predicts best, and is not the joint's own."
+        "something else imposes the motion it predicts best, and is not the joint's own: put the "
+        "datasheet's back to simulate the joint."
     )
 
 

@@ -29,7 +29,7 @@ from cjt_gym.gap.horizons.selection.choice import (
     is_no_worse,
 )
 from cjt_gym.gap.horizons.selection.contradiction import contradicted
-from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, Judgement, Row, is_left
+from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, SLIGHT, Judgement, Row, is_left
 from cjt_gym.gap.horizons.selection.rivals import REFINED
 from cjt_gym.gap.horizons.selection.search import search
 from cjt_gym.gap.horizons.selection.search_result import Found
@@ -45,9 +45,8 @@ from cjt_gym.joint import Joint
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 SMALL, HALF = 0.01, 0.5
-"""Relative error, and predictable share of its square, above which the stages leave a search
-something to find where the joint's torque is not measured, or the noise of its current not
-stated."""
+"""Relative error, and predictable share of its square, above which the stages of a joint whose
+torque is not measured leave a search something to find."""
 MISSED = 0.8
 """Predictable share of the squared error above which the joint that the stages found misses
 something, however small the error is."""
@@ -167,23 +166,16 @@ def _suffices(
     ahead = [(errors[key], one) for key, one in known.items() if key[1] != min(HORIZONS)]
     missed = any(is_left(error, one) and one.share > MISSED for error, one in ahead)
     doubtful = open_ and (worst > LOUD or missed)
-    short = any(error > SMALL and one.share > HALF for error, one in ahead)
-    doubtful = doubtful or (short and _is_noise_open(case))
+    if not case.joint.file.sensors.get("i"):  # what they then take for noise may be an effect
+        doubtful = doubtful or any(error > SLIGHT and one.share > HALF for error, one in ahead)
     if case.cut and not (own or doubtful or fails(case, enough, errors)):
         return are_sound(case, joints)
+    short = any(error > SMALL and one.share > HALF for error, one in ahead)
     whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
     settled = explained and not (own or open_ or short) and worst < NEAR and whole < TRIVIAL
     settled = settled and not has_vague_friction(case.joint)
     settled = settled and not _misses_wave(case, joints["stages"])
     return settled and is_no_worse(case, joints, "stages")
-
-
-def _is_noise_open(case: Case) -> bool:
-    """Return whether the noise of the torque that drives a joint is not stated.
-
-    What the stages then take for noise may as well be an effect.
-    """
-    return case.logs[0].drive != "i" or not case.joint.file.sensors.get("i")
 
 
 def _misses_wave(case: Case, joint: Joint) -> bool:
