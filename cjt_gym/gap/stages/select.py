@@ -375,9 +375,10 @@ class Selection:
 def compatible(model: Model, effect: Candidate) -> bool:
     """Return whether an effect is compatible with those of a model: one friction law per body."""
     for other in model.effects:
-        if other.family == effect.family == "friction" and other.body == effect.body:
-            if other.name not in BESIDE and effect.name not in BESIDE:
-                return False
+        both = {other.name, effect.name}
+        friction = other.family == effect.family == "friction" and other.body == effect.body
+        if friction and not both & BESIDE:
+            return False
         if other.releases is not None and other.releases == effect.releases:
             return False
     return True

@@ -54,7 +54,8 @@ def discs(way: float, hertz: float = 2.0, load: float = 0.0) -> Record:
 def datasheet() -> JointFile:
     """Return the discs' datasheet, with a guess of the shaft's stiffness."""
     values = {
-        "I_m": (0.0115, "kg m^2", 0.15), "I_g": (0.0, "kg m^2", None), "I_l": (0.0095, "kg m^2", 0.1),
+        "I_m": (0.0115, "kg m^2", 0.15), "I_g": (0.0, "kg m^2", None),
+        "I_l": (0.0095, "kg m^2", 0.1),
         "d_m": (0.0, "N m s/rad", None), "d_l": (0.0, "N m s/rad", None),
         "n": (1.0, "-", None), "k_t": (1.0, "N m/A", 0.05),
     }  # fmt: skip

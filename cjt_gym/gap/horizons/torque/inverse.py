@@ -378,7 +378,8 @@ def _columns(
     rise, bend = np.gradient(angle, log.dt), np.diff(angle, 2, prepend=angle[0], append=angle[-1])
     turn = np.sign(log.speed)
     known = float(np.ptp(log.load) > 0.0 and not log.voltage)
-    channels = angle, rise, bend / log.dt**2, turn, turn * log.speed**2, torque, motor, np.abs(motor)
+    square = turn * log.speed**2
+    channels = angle, rise, bend / log.dt**2, turn, square, torque, motor, np.abs(motor)
     q, v, a, fine, square, torque, motor, size = _averaged(channels, count)
     usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
     whole = binary_erosion(log.whole, iterations=count // 2, border_value=0)
