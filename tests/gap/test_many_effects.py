@@ -109,3 +109,13 @@ def test_noise_that_is_not_stated_swallows_no_effect() -> None:
     assert named["damping"]["d_m"].value == pytest.approx(DRAG, rel=0.2)
     ahead = [row for row in found.horizons if row.channel == "q_m" and row.seconds == 0.5]
     assert all(row.found < 0.05 < row.datasheet for row in ahead)
+
+
+@pytest.mark.slow
+def test_a_second_record_makes_them_no_worse() -> None:
+    found = diagnose(joint_record(1, 5.0), datasheet(noise=True), validate=joint_record(2, 8.0))
+    named = {e.name: e.parameters for e in found.effects}
+    assert named.keys() == {"gravity", "stribeck", "backlash", "damping"}
+    assert named["stribeck"]["v_s"].value == pytest.approx(SLOW, rel=0.1)
+    assert named["stribeck"]["d_sm"].value == pytest.approx(RISE, rel=0.1)
+    assert named["damping"]["d_m"].value == pytest.approx(DRAG, rel=0.05)

@@ -97,18 +97,16 @@ class Selection:
     def _with_other_laws(self, best: Fit, stages: tuple[str, ...]) -> Fit:
         """Return a model with other laws of friction where the table leaves a remainder.
 
-        A law is chosen before what acts beside it is known, and only then do others differ.
+        A law is chosen before what acts beside it is known, and only then do others differ, or the
+        same one from another start.
         """
         if all(best.mean_square[name] < self.beyond**2 for name in stages):
             return best
         for index, effect in enumerate(best.model.effects):
             if effect.family != "friction" or effect.name in BESIDE:
                 continue
-            laws = [
-                h
-                for h in self.candidates
-                if h.family == "friction" and h.body == effect.body and h.key != effect.key
-            ]
+            body = effect.body
+            laws = [h for h in self.candidates if h.family == "friction" and h.body == body]
             tried = self.rough(without(self.problem, best, index), laws)[:SHORT_LIST]
             tried = [
                 self._tried(fit)
