@@ -68,6 +68,11 @@ ONE_SINE = 0.3
 a single sine."""
 APART = 1.5
 """Least reported shift, in samples."""
+WHOLE = 0.1
+"""Distance of an interval from a whole multiple of the usual one, in these, up to which rows are
+lost rather than late."""
+SHORT = 0.1
+"""Quantile of the intervals that is that of a log without lost rows."""
 WHAT_TO_DO = "samples_late in the mapping puts its values into the rows of their instants"
 
 
@@ -120,7 +125,7 @@ def answers_in_its_row(record: Record) -> bool:
     """Return whether a current knows the command of its own row, beyond its past and theirs."""
     if not {"i", "i_cmd"} <= set(record.columns):
         return False
-    i, command = record["i"], record["i_cmd"]
+    i, command = _where_none_is_lost(record), record["i_cmd"]
     now, rows = slice(EARLIER, None), len(i) - EARLIER
     past = [i[EARLIER - 1 : -1]]
     past += [command[EARLIER - k : EARLIER - k + rows] for k in range(1, EARLIER + 1)]
@@ -132,6 +137,18 @@ def answers_in_its_row(record: Record) -> bool:
     without = left_over(y, past)
     shown = without > UNKNOWN * np.std(y) and left_over(y, both) ** 2 < SAME_ROW * without**2
     return bool(shown and factors(y, both)[-1] > 0.0) or _is_in_time(i, command)
+
+
+def _where_none_is_lost(record: Record) -> Floats:
+    """Return the current, NaN in rows before which others of an even log were lost.
+
+    The commands that acted between are lost with them, and that of the row itself is nearest.
+    """
+    steps = np.diff(record.t)
+    steps = steps / np.quantile(steps, SHORT)  # half of all rows may be lost
+    lost = (steps > 1.5) & (np.abs(steps - np.round(steps)) < WHOLE)
+    after = np.convolve(np.append(0.0, lost), np.ones(EARLIER))[: len(record)] > 0.0
+    return np.where(after, np.nan, record["i"])
 
 
 def _is_in_time(i: Floats, command: Floats) -> bool:
@@ -160,7 +177,7 @@ def misplaced(record: Record) -> tuple[str, int] | None:
     if not {"q_m", "dq_m"} & set(record.columns):
         return "i_cmd", 1
     shares = _shares(record)
-    if _is_in_time(record["i"], record["i_cmd"]):
+    if _is_in_time(_where_none_is_lost(record), record["i_cmd"]):
         shares = np.eye(len(shares))[0]  # those of smooth commands are not told apart
     elif shares[1] > shares[0] or min(shares[:-1]) < BETWEEN:
         return None

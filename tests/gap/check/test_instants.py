@@ -126,3 +126,16 @@ def test_a_smooth_command_shows_its_row_by_the_instants(late: int) -> None:
     seen = Record({"t": t, "i_cmd": command, "i": i, "q_m": angle}, units)
     assert answers_in_its_row(seen) == (late == 0)
     assert misplaced(seen) == (("i", -1) if late == 0 else None)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lost_rows_do_not_make_a_current_know_its_own_command(seed: int) -> None:
+    rng, t = np.random.default_rng(seed), 1e-3 * np.arange(8000)
+    command = 2.0 * np.sin(2.0 * np.pi * (0.3 * t + 1.5 * t**2))
+    command += 0.3 * np.convolve(rng.standard_normal(t.size), np.full(4, 0.25), "same")
+    i = np.append(0.0, command[:-1]) + 0.02 * rng.standard_normal(t.size)
+    angle = np.cumsum(np.cumsum(i)) * 5e-5
+    kept = np.sort(rng.choice(t.size, t.size // 2, replace=False))
+    columns = {"t": t[kept], "i_cmd": command[kept], "i": i[kept], "q_m": angle[kept]}
+    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
+    assert misplaced(Record(columns, units, structure="rigid")) is None
