@@ -28,15 +28,18 @@ KINDS: Final = {
         "dq qd qdot vel velocity speed omega w rpm dtheta deg/s rad/s dps drehzahl geschwindigkeit "
         "vitesse velocidad"
     ),
-    "i": "i iq current cur curr amp amps ampere ma strom courant corriente corrente",
+    "i": "i iq icmd iref current cur curr amp amps ampere ma strom courant corriente corrente",
     "v": "u v uq vq volt volts voltage mv spannung tension",
     "tau": "tau torque trq moment nm drehmoment couple",
-    "q": "q pos position ang angle theta phi enc encoder deg rad rev counts winkel angulo posicion",
+    "q": (
+        "q pos position ang angle theta phi enc encoder deg grad rad rev counts winkel angulo "
+        "posicion"
+    ),
 }
 """Words by which a quantity is known, those that also occur in others' names last."""
-COMMAND: Final = "cmd command commanded set setpoint soll target des desired demand goal"
-REFERENCE: Final = "ref reference"
-LOAD: Final = "l load link out output joint arm"
+COMMAND: Final = "cmd icmd command commanded set setpoint soll target des desired demand goal"
+REFERENCE: Final = "ref iref reference"
+LOAD: Final = "l load last link out output joint arm"
 GEAR: Final = "g gear"
 MOTOR: Final = "m motor rotor"
 OUTSIDE: Final = "load ext external"
@@ -75,7 +78,10 @@ def guess(name: str) -> str | None:
         ('dq_m', 'i_cmd', None)
     """
     words = _words(name)
-    kind = next((kind for kind, known in KINDS.items() if _any(known, words)), None)
+    kinds = [kind for kind, known in KINDS.items() if _any(known, words)]
+    if "t" in kinds and len(kinds) > 1 and words & {"t"} and not _any(KINDS["t"], words - {"t"}):
+        kinds.remove("t")  # T as in torque
+    kind = next(iter(kinds), None)
     commanded, reference = _any(COMMAND, words), _any(REFERENCE, words)
     if kind in (None, "t", "temperature"):
         return kind
@@ -86,7 +92,8 @@ def guess(name: str) -> str | None:
     if kind == "tau":
         asked = "tau_cmd" if commanded else "tau_ref" if reference else None
         sensor = "tau_l" if _any(OUTSIDE, words) and "cell" not in words else "tau"
-        return asked or ("tau_m" if _any(MOTOR, words) else sensor)
+        bare = words.isdisjoint({"tau", "torque"})  # M as in moment
+        return asked or ("tau_m" if _any(MOTOR, words - {"m"} if bare else words) else sensor)
     if commanded or reference:
         return "q_ref" if kind == "q" else None
     return kind + ("_l" if _any(LOAD, words) else "_g" if _any(GEAR, words) else "_m")
@@ -126,6 +133,8 @@ def _unit(name: str, allowed: tuple[str, ...]) -> str | None:
         pattern = re.escape(unit).replace("/", "[/_]").replace(r"\ ", "[ ._*]?")
         if re.search(rf"(?:^|[\W_]){pattern}[\])]?$", name):
             return unit
+    if "deg" in allowed and re.search(r"(?:^|[\W_])grad[\])]?$", name):
+        return "deg"
     return "deg/s" if "deg/s" in allowed and re.search(r"(?:^|[\W_])dps[\])]?$", name) else None
 
 

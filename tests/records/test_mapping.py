@@ -320,6 +320,11 @@ def test_dates_as_text_are_seconds(tmp_path: Path, zone: str) -> None:
         ("Load cell [mNm]", "tau"),
         ("motor torque [mN m]", "tau_m"),
         ("zeit_s", "t"),
+        ("M_ist_mNm", "tau"),
+        ("T_loadcell_Nm", "tau"),
+        ("Icmd_A", "i_cmd"),
+        ("Winkel_Last_grad", "q_l"),
+        ("tau_m [Nm]", "tau_m"),
         ("Strom (A)", "i"),
     ],
 )

@@ -219,7 +219,10 @@ def angles(view: View) -> list[str]:
             return [
                 f"q_l is {plain(factor)} times q_m, {text} of the gear: map q_m to the link side."
             ]
-    return [f"q_l is {plain(factor)} times q_m, and both should be on the link side."]
+    square = view.ratio**2  # the load's angle is then divided by n, and the motor's is not
+    swapped = square != 1.0 and abs(factor / square - 1.0) < RATIO
+    also = ": their columns may be swapped" if swapped else ""
+    return [f"q_l is {plain(factor)} times q_m, and both should be on the link side{also}."]
 
 
 def coarser(view: View) -> list[str]:
