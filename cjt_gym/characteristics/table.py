@@ -105,7 +105,7 @@ _ROWS = (
     Characteristic("dv", "constants", "viscous friction", "d_v", "N m s/rad", "d_m + d_g + d_l",
                    "All bodies together.", motor.viscous),
     Characteristic("Mc", "constants", "Coulomb friction", "τ_C", "N m", "d_cm + d_cg + d_cl",
-                   "All bodies together: no motion below this torque.", motor.coulomb),
+                   "All bodies together, in motion; to break away may take more.", motor.coulomb),
     Characteristic("i_c", "rated", "rated current", "i_c", "A",
                    "√(ΔT / ((r_th1 + r_th2) r (1 + a_CU ΔT)))",
                    "Holds the winding at its highest temperature; ΔT is that over ambient.",

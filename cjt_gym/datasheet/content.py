@@ -22,7 +22,7 @@ from cjt_gym.datasheet.blocks import (
     Table,
 )
 from cjt_gym.datasheet.notation import named, number, plain, unit, with_tolerance
-from cjt_gym.datasheet.resistance import friction_and_ripple
+from cjt_gym.datasheet.resistance import friction_and_ripple, has_ripple
 from cjt_gym.errors import ParameterError
 from cjt_gym.joint import EFFECTS, JointFile, JointParameters, Quantity
 from cjt_gym.joint.files.parameters import PARAMETERS
@@ -279,11 +279,10 @@ def _effects(files: Sequence[JointFile]) -> Iterator[Block]:
     yield Paragraph(text, small=True)
     drawn = friction_and_ripple(files)
     if drawn:
-        yield Figure(
-            drawn,
-            "Left: friction over speed, with the effects"
-            f"{' and as the parameters alone have it (dashed)' if len(files) == 1 else ''}. "
-            "Right: torque of ripple over the motor's angle, at rest.",
-            whole=True,
-        )
+        beside = has_ripple(files)
+        alone = " and as the parameters alone have it (dashed)" if len(files) == 1 else ""
+        caption = "Left: friction" if beside else "Friction"
+        caption += f" over speed, with the effects{alone}."
+        caption += " Right: torque of ripple over the motor's angle, at rest." if beside else ""
+        yield Figure(drawn, caption, whole=True)
     yield Table(("", "Value", "Unit", "What it is"), rows, "lrll", wide=(3,))

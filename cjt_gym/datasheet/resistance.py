@@ -39,6 +39,11 @@ def friction_over_speed(joint: Joint, speed: Floats) -> Floats:
     return np.asarray(drag.sum(axis=-1) + damping * speed + known * np.sign(speed))
 
 
+def has_ripple(files: Sequence[JointFile]) -> bool:
+    """Return whether a joint has a ripple, which is drawn beside friction."""
+    return any(set(RIPPLES) & set(with_effects(file).effects) for file in files)
+
+
 def friction_and_ripple(files: Sequence[JointFile]) -> str | None:
     """Return the drawing; None where no joint has an effect of the motor that is drawn here."""
     joints = [with_effects(file) for file in files]
