@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import copysign, exp, sin
 
 import numpy as np
@@ -119,3 +120,19 @@ def test_a_second_record_makes_them_no_worse() -> None:
     assert named["stribeck"]["v_s"].value == pytest.approx(SLOW, rel=0.1)
     assert named["stribeck"]["d_sm"].value == pytest.approx(RISE, rel=0.1)
     assert named["damping"]["d_m"].value == pytest.approx(DRAG, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_load_that_no_stage_judges_is_searched_for() -> None:
+    records = [joint_record(seed, size) for seed, size in ((1, 5.0), (2, 6.0))]
+    unseen = [
+        replace(one, columns={k: x for k, x in one.columns.items() if k != "q_l"}, units={
+            k: x for k, x in one.units.items() if k != "q_l"
+        })
+        for one in records
+    ]  # fmt: skip
+    found = diagnose(unseen[0], datasheet(noise=True), validate=unseen[1])
+    assert "gravity" in {e.name for e in found.effects}
+    ahead = {(row.channel, row.seconds): row.found for row in found.horizons}
+    assert ahead["q_m", 0.5] < 0.1
+    assert ahead["tau", 0.5] < 0.5

@@ -168,6 +168,8 @@ def _suffices(
     doubtful = open_ and (worst > LOUD or missed)
     if not case.joint.file.sensors.get("i"):  # what they then take for noise may be an effect
         doubtful = doubtful or any(error > SLIGHT and one.share > HALF for error, one in ahead)
+    unseen = not case.joint.structure_row.output_fixed and "q_l" not in case.logs[0].measured
+    doubtful = doubtful or (unseen and worst > NEAR)  # the load, which no stage judges then
     if case.cut and not (own or doubtful or fails(case, enough, errors)):
         return are_sound(case, joints)
     short = any(error > SMALL and one.share > HALF for error, one in ahead)
