@@ -32,6 +32,8 @@ FAMILY_SHARE = 0.4
 CLOSE = 0.8
 """Share of the best gain in evidence above which a second branch is followed."""
 MOST = 6
+"""Most effects of a group of stages. A first datasheet may lack dry friction, damping, weight and
+play at once: with room for three of them, the fourth was called something outside the table."""
 BESIDE = frozenset({"load_friction", "viscous_asym"})
 """Laws of friction that a body may have beside another one."""
 LEAST = 0.1

@@ -42,9 +42,10 @@ FAR_OFF = 4.0
 """Ratio to its datasheet value, or the inverse, above which a value may as well have another unit:
 turns, degrees or revolutions a minute make 6.3, 57 or 9.5, a forgotten gear its ratio or the square
 of that. Of the values confirmed on 115 real cases none was off by more than 2.5."""
-DECADE = 10.0
+FALLING = 4.0
 """Ratio of the ends of the interval of the speed over which friction falls, above which that is
-open: at once it is a breakaway torque, and over all speeds less damping."""
+open: at once it is a breakaway torque, and over all speeds less damping. Of friction that falls on
+simulated logs it was at most 1.6."""
 INERTIAS = frozenset({"I_m", "I_g", "I_l"})
 BESIDE_ANOTHER = "the law of the friction beside it stays open"
 """Doubt of damping beside Stribeck friction without a level or beside friction that perhaps depends
@@ -143,7 +144,7 @@ def _falls_to_nothing(effect: NamedEffect, _: _View) -> bool:
 def _falls_anywhere(effect: NamedEffect, _: _View) -> bool:
     """Return whether it is open over which speed Stribeck friction falls."""
     speed = effect.parameters.get("v_s")
-    return effect.name == "stribeck" and speed is not None and speed.high > DECADE * speed.low
+    return effect.name == "stribeck" and speed is not None and speed.high > FALLING * speed.low
 
 
 def _is_one_sided(effect: NamedEffect, _: _View) -> bool:
