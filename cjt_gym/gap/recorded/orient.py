@@ -239,8 +239,10 @@ class _Motor:
     @classmethod
     def of(cls, channels: dict[str, Floats], dt: float, axis: str) -> _Motor | None:
         driving = next((name for name in DRIVING if name in channels), None)
-        moving = next((name for name in ("q_m", "dq_m") if name in channels), None)
-        if driving is None or moving is None:
+        moving = "q_m"
+        if moving not in channels and {"dq_m", "tau_l"} <= channels.keys():
+            moving = "dq_m"  # a weight, as an arm has, needs the angle
+        if driving is None or moving not in channels:
             return None
         width = int(np.clip(round(SMOOTH / dt) | 1, 5, 101))
         if len(channels[moving]) < 4 * width:
@@ -367,7 +369,7 @@ def _scales(
             found.append(
                 (motor.driving, "tau", "current per torque", abs(per_term["tau"]) * torque)
             )
-        if alike.get("acceleration"):
+        if alike.get("acceleration") and motor.moving == "q_m":
             apart = "tau" in motor.terms and structure.has_spring
             bodies = ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
             mass = sum(p.get(name, 0.0) for name in bodies)
