@@ -277,8 +277,8 @@ def _new(joint: Joint, one: Spent) -> bool:
     """
     if one.name == "torque_constant":
         stated, spread = joint.parameters.k_t, tolerance_of(joint.file, "k_t", VAGUE)
-        off = abs(one.values[0] - stated)
-        return off > OUTSIDE * max(min(spread, VAGUE) * stated, one.deviations[0])
+        least = OUTSIDE * max(min(spread, VAGUE) * stated, one.deviations[0])
+        return one.values[0] > 0.0 and abs(one.values[0] - stated) > least
     if one.name != "damping":
         return True
     own = [f"d_{b}" for b in body_group(joint.structure_row, "m")]
