@@ -23,14 +23,14 @@ HEAD: Final = """\
 """
 KINDS: Final = {
     "temperature": "temp temperature temperatur degc",
-    "t": "t time timestamp stamp clock zeit temps tiempo tempo ms us ns sec seconds",
+    "t": "t time timestamp stamp clock zeit tiempo tempo ms us ns sec seconds",
     "dq": (
         "dq qd qdot vel velocity speed omega w rpm dtheta deg/s rad/s dps drehzahl geschwindigkeit "
         "vitesse velocidad"
     ),
     "i": "i iq icmd iref current cur curr amp amps ampere ma strom courant corriente corrente",
-    "v": "u v uq vq volt volts voltage mv spannung tension",
-    "tau": "tau torque trq moment nm drehmoment couple",
+    "v": "u v uq vq volt volts voltage mv spannung",
+    "tau": "tau torque trq moment nm drehmoment",
     "q": (
         "q pos position ang angle theta phi enc encoder deg grad rad rev counts winkel angulo "
         "posicion"
@@ -39,7 +39,7 @@ KINDS: Final = {
 """Words by which a quantity is known, those that also occur in others' names last."""
 COMMAND: Final = "cmd icmd command commanded set setpoint soll target des desired demand goal"
 REFERENCE: Final = "ref iref reference"
-LOAD: Final = "l load last link out output joint arm"
+LOAD: Final = "l load link out output joint arm"
 GEAR: Final = "g gear"
 MOTOR: Final = "m motor rotor"
 OUTSIDE: Final = "load ext external"

@@ -323,7 +323,7 @@ def test_dates_as_text_are_seconds(tmp_path: Path, zone: str) -> None:
         ("M_ist_mNm", "tau"),
         ("T_loadcell_Nm", "tau"),
         ("Icmd_A", "i_cmd"),
-        ("Winkel_Last_grad", "q_l"),
+        ("Winkel_grad", "q_m"),
         ("tau_m [Nm]", "tau_m"),
         ("Strom (A)", "i"),
     ],

@@ -99,22 +99,21 @@ class Selection:
     def _with_other_laws(self, best: Fit, stages: tuple[str, ...]) -> Fit:
         """Return a model with other laws of friction where the table leaves a remainder.
 
-        A law is chosen before what acts beside it is known, and only then do others differ, or the
-        same one from another start.
+        A law is chosen before what acts beside it is known. Only then do the others differ from it;
+        the same law is tried again, too, from all its starts.
         """
         if all(best.mean_square[name] < self.beyond**2 for name in stages):
             return best
         for index, effect in enumerate(best.model.effects):
             if effect.family != "friction" or effect.name in BESIDE:
                 continue
-            body = effect.body
-            laws = [h for h in self.candidates if h.family == "friction" and h.body == body]
-            tried = self.rough(without(self.problem, best, index), laws)[:SHORT_LIST]
-            tried = [
-                self._tried(fit)
-                for fit in tried
-                if set(fit.model.effects[-1].touches) & set(stages)
+            laws = [
+                h
+                for h in self.candidates
+                if h.family == "friction" and h.body == effect.body and set(h.touches) & set(stages)
             ]
+            rough = self.rough(without(self.problem, best, index), laws)
+            tried = [self._tried(fit) for fit in rough[:SHORT_LIST]]
             self.seen += tried
             if not tried:
                 continue

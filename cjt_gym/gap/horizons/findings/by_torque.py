@@ -16,9 +16,10 @@ from cjt_gym.gap.diagnosis import EVEN_CHANCE, Interval, NamedEffect
 from cjt_gym.gap.horizons.fitting.terms import HEAVIEST, scales_of
 from cjt_gym.gap.horizons.prediction.model import Draft, Term, drafted, motor_inertia
 from cjt_gym.gap.horizons.prediction.windows import relative
+from cjt_gym.gap.horizons.selection.choice import WORSE
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import BLOCKS, Spent
-from cjt_gym.gap.horizons.torque.inverse import inverse
+from cjt_gym.gap.horizons.torque.inverse import BY_LOAD, inverse
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effects import friction
 from cjt_gym.joint.files.effect_entries import unit_on
@@ -33,8 +34,7 @@ KEPT, SET = (
     "the joint file has what predicts the motion best.",
     "the joint file has them, and beside them what predicts the motion best.",
 )
-WORSE = 1.02
-"""Ratio of errors up to which a joint with these numbers predicts no worse."""
+"""What the joint file has: without and with these numbers."""
 NOT_PREDICTED = "the torque shows it, predictions of the motion do not"
 NOT_HELD = "torque and motion of the fitted record show it, the held-out record does not"
 """Doubts of effects that the torque shows."""
@@ -77,9 +77,6 @@ SAME: Mapping[str, frozenset[str]] = {
 FRICTION = frozenset({"damping", "coulomb", "presliding", "load_friction"})
 """Laws that only oppose the motion. Where one of them is negative something else moves the joint,
 as the other joints of an arm do, and the other is not friction either."""
-BY_LOAD = frozenset({"torque_constant", "load_friction"})
-"""Effects that the torque shows beside that of a load, and tells apart where the motor both drives
-and brakes."""
 AGREES = 0.5
 """Relative difference up to which a fit and a regression agree."""
 LEAST = 1e-3

@@ -166,7 +166,7 @@ def _suffices(
     ahead = [(errors[key], one) for key, one in known.items() if key[1] != min(HORIZONS)]
     missed = any(is_left(error, one) and one.share > MISSED for error, one in ahead)
     doubtful = open_ and (worst > LOUD or missed)
-    if not case.joint.file.sensors.get("i"):  # what they then take for noise may be an effect
+    if not case.joint.file.sensors.get("i"):  # what the stages take for noise may be an effect
         doubtful = doubtful or any(error > SLIGHT and one.share > HALF for error, one in ahead)
     unseen = not case.joint.structure_row.output_fixed and "q_l" not in case.logs[0].measured
     doubtful = doubtful or (unseen and worst > NEAR)  # the load, which no stage judges then

@@ -48,7 +48,10 @@ PLACES = {
     "damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5),
     "torque_constant": (6,), "load_friction": (7,),
 }  # fmt: skip
-"""Regressor columns of each effect; the last two need the measured torque of a load."""
+"""Regressor columns of each effect."""
+BY_LOAD = ("torque_constant", "load_friction")
+"""Effects that need the measured torque of a load. Where the motor both drives and brakes, the
+torque tells them apart."""
 HELD_IN = {
     "coulomb_asym": ("coulomb", "torque_offset"),
     "viscous_asym": ("damping", "torque_offset"),
@@ -296,8 +299,9 @@ def _less(names: Sequence[str], name: str) -> list[str]:
 def _spent(joint: Joint, name: str, names: Sequence[str], fits: Floats, share: float) -> Spent:
     places = dict(zip([0, *(k for n in names for k in PLACES[n])], fits.T, strict=True))
     own = np.stack([places[k] for k in PLACES[name]], axis=1)
-    if name in ("torque_constant", "load_friction"):
-        own = _by_load(joint, name, *(places.get(k, np.zeros(len(fits))) for k in (6, 7)))
+    if name in BY_LOAD:
+        absent = np.zeros(len(fits))
+        own = _by_load(joint, name, *(places.get(PLACES[n][0], absent) for n in BY_LOAD))
     return Spent(name, tuple(own.mean(axis=0).tolist()), tuple(deviations(own).tolist()), share)
 
 
