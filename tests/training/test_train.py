@@ -129,7 +129,10 @@ def test_a_training_takes_the_steps_asked_for_or_says_how_many_instead(
 ) -> None:
     run = train(replace(tiny, total_steps=asked), tmp_path / "run")
     assert run.facts["steps"] == taken
-    assert f"{taken} steps instead of {asked}" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert f"{taken} steps instead of {asked}" in told
+    assert f"{taken} of {taken} steps" in told.splitlines()[-1]
+    assert f"validation rmse {run.facts['best_validation_rmse']:.3g} N m" in told
 
 
 @pytest.mark.slow

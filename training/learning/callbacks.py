@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 import time
 from collections import deque
 from pathlib import Path
@@ -37,19 +38,20 @@ BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "don
 class Companion(BaseCallback):
     """Accompanies one training.
 
-    It shows a progress bar with the time left, writes tracking error [N m] and return to
-    TensorBoard and `progress.csv`, validates, keeps the best model, makes checkpoints, and stops
-    the training with the reason when weights cease to be finite, or early where the configuration
-    has a patience.
+    It shows a progress bar with the time left, in a file or a pipe a line for each validation,
+    writes tracking error [N m] and return to TensorBoard and `progress.csv`, validates, keeps the
+    best model, makes checkpoints, and stops the training with the reason when weights cease to be
+    finite, or early where the configuration has a patience.
     """
 
     def __init__(self, run: RunFolder, config: TrainConfig, steps: int, quiet: bool) -> None:
-        """Prepare for so many steps; `quiet` leaves out the progress bar of a terminal."""
+        """Prepare for so many steps; `quiet` leaves out the progress."""
         super().__init__()
-        self.run_folder, self.config = run, config
+        self.run_folder, self.config, self._steps = run, config, steps
         self._bar: Any = tqdm(
             total=steps, unit="step", unit_scale=True, disable=quiet or None, desc="training"
         )
+        self._in_lines = self._bar.disable and not quiet
         self._errors: deque[float] = deque(maxlen=RECENT)
         self._returns: deque[float] = deque(maxlen=RECENT)
         self._seconds_before = float(run.facts.get("seconds", 0.0))
@@ -113,7 +115,11 @@ class Companion(BaseCallback):
         if self._errors:
             row |= {"rmse": float(np.mean(self._errors)), "return": float(np.mean(self._returns))}
         self.run_folder.add_progress(row)
-        self._bar.set_postfix_str(f"validation rmse {error:.3g} N m")
+        told = f"validation rmse {error:.3g} N m"
+        self._bar.set_postfix_str(told)
+        if self._in_lines:
+            head = f"{self.num_timesteps} of {self._steps} steps, {self.seconds:.0f} s"
+            sys.stderr.write(f"{head}: {told}\n")
         if error < self._best:
             self._best = error
             save_model(self.model, self.training_env, self.run_folder.path)
