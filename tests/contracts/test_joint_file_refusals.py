@@ -61,6 +61,16 @@ REFUSED = {
         'axis = "prismatic"\n' + entries(KB),
         ["k_b of", "must be in N/m", "'N m/rad'"],
     ),
+    "rotary motor without a ratio per metre": (
+        'axis = "prismatic"\n'
+        + entries('n = { value = 9.0, unit = "-" }', 'k_t = { value = 1.0, unit = "N m/A" }'),
+        ["n and k_t of", "n in rad/m with k_t in N m/A", "got '-' with 'N m/A'"],
+    ),
+    "ratio per metre of a linear motor": (
+        'axis = "prismatic"\n'
+        + entries('n = { value = 9.0, unit = "rad/m" }', 'k_t = { value = 1.0, unit = "N/A" }'),
+        ["n and k_t of", "got 'rad/m' with 'N/A'"],
+    ),
     "prismatic unit on a rotary axis": (
         entries('I_m = { value = 1.0, unit = "kg" }'),
         ["I_m of", "must be in kg m^2", "'kg'"],

@@ -220,6 +220,30 @@ def test_an_amplifier_may_take_volts_on_either_axis(axis: str, per_volt: str) ->
     assert record["true_dq_m"][-1] == pytest.approx(4.0 / 0.1 * 0.1, rel=1e-9)
 
 
+def test_a_rotary_motor_may_drive_a_prismatic_axis(tmp_path: Path) -> None:
+    quantities = {
+        "I_m": Quantity(2.0, "kg"),
+        "n": Quantity(1.0, "rev/mm"),  # a screw of 1 mm a turn
+        "k_t": Quantity(50.0, "mN m/A"),
+        "r": Quantity(2.0, "Ohm"),
+        "v_0": Quantity(24.0, "V"),
+    }
+    file = JointFile(JointParameters("screw", "made up", quantities, "prismatic"))
+    assert [file.parameters.unit(symbol) for symbol in ("n", "k_t")] == ["rad/m", "N m/A"]
+    force = 0.05 * 2000.0 * np.pi  # [N/A]
+    joint = Joint(file, "rigid", "current", {})
+    record = joint.simulate(np.full(101, force))
+    assert record["i_cmd"][-1] == pytest.approx(1.0, rel=1e-12)
+    assert record["true_dq_m"][-1] == pytest.approx(force / 2.0 * 0.1, rel=1e-9)
+    volts = Joint(file, "rigid", "static", {}).simulate(np.full(3001, 6.0 * force))
+    assert volts["true_dq_m"][-1] == pytest.approx(24.0 / force, rel=1e-9)  # back-EMF of v_0
+    slower = replace(file, effects={"torque_constant": {"k_t": Quantity(40.0, "mN m/A")}})
+    path = tmp_path / "screw.toml"
+    path.write_text(to_toml(slower), encoding="utf-8")
+    record = load_joint(path, "rigid", drive="current").simulate(np.full(101, force))
+    assert record["true_dq_m"][-1] == pytest.approx(0.8 * force / 2.0 * 0.1, rel=1e-9)
+
+
 def test_a_gain_per_volt_has_no_current_for_a_voltage_drive(tmp_path: Path) -> None:
     text = entries(
         'I_m = { value = 0.1, unit = "kg m^2" }',

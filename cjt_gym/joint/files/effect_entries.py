@@ -64,6 +64,8 @@ def units_of(parameter: EffectParameter, axis: str) -> tuple[str, ...]:
 
 def unit_on(parameter: EffectParameter, p: JointParameters) -> str:
     """Return the usual unit of a number of an effect on a joint."""
+    if parameter.symbol == "k_t":
+        return p.unit("k_t")
     units = axis_units(parameter.unit, p.axis)
     return units[-1] if p.takes_volts else units[0]
 

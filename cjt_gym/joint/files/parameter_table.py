@@ -29,6 +29,8 @@ _PRISMATIC: Mapping[str, str] = {
     "N m/rad^3": "N/m^3",
     "N m/rad^e": "N/m^e",
 }
+PER_METRE = "rad/m"
+"""Unit of `n` where a rotary motor, whose torque constant is in N m/A, drives a prismatic axis."""
 # Stands for a current where it is unknown, because the amplifier takes volts.
 _VOLTS: Mapping[str, str] = {"N m/A": "N m/V", "A": "V"}
 
@@ -60,6 +62,7 @@ class ParameterSpec:
 def _axis_units(unit: str) -> Mapping[str, tuple[str, ...]]:
     rotary = (unit, _VOLTS[unit]) if unit in _VOLTS else (unit,)
     prismatic = tuple(_PRISMATIC.get(each, each) for each in rotary)
+    prismatic += rotary if unit == "N m/A" else ()
     return MappingProxyType({"rotary": rotary, "prismatic": prismatic})
 
 
@@ -72,6 +75,14 @@ def _rows(unit: str, lower: str, **descriptions: str) -> dict[str, ParameterSpec
         for symbol, text in descriptions.items()
     }
 
+
+_TRANSMISSION = ParameterSpec(
+    "n",
+    MappingProxyType({"rotary": ("-",), "prismatic": ("-", PER_METRE)}),
+    0.0,
+    True,
+    "transmission ratio, motor turns per link turn; rad/m of a rotary motor on a prismatic axis",
+)
 
 PARAMETERS: Mapping[str, ParameterSpec] = MappingProxyType(
     _rows(
@@ -111,7 +122,7 @@ PARAMETERS: Mapping[str, ParameterSpec] = MappingProxyType(
         d_s="breakaway torque",
     )
     | _rows("rad/s", ">=0", v_s="Stribeck velocity")
-    | _rows("-", ">0", n="transmission ratio, motor turns per link turn")
+    | {"n": _TRANSMISSION}
     | _rows("-", ">=1", p="number of pole pairs")
     | _rows("N m/A", ">0", k_t="torque constant at the rotor; torque at the link is k_t n i")
     | _rows("Ohm", ">0", r="winding resistance at the nominal ambient temperature")

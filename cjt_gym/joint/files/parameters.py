@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.errors import ParameterError, check_name, did_you_mean, unknown_key
 from cjt_gym.joint.files.mistakes import Mistakes
-from cjt_gym.joint.files.parameter_table import AXES, PARAMETERS, ParameterSpec
+from cjt_gym.joint.files.parameter_table import AXES, PARAMETERS, PER_METRE, ParameterSpec
 from cjt_gym.joint.files.quantity import FrozenMapping, Quantity, Setting
 from cjt_gym.joint.files.units import in_usual_unit
 
@@ -213,6 +213,9 @@ def check_quantities(
         if symbol.endswith("_n"):
             with mistakes.collected():
                 _check_partner(symbol, checked, origin)
+    if axis == "prismatic" and {"n", "k_t"} <= checked.keys():
+        with mistakes.collected():
+            _check_motor(checked, origin)
     mistakes.check()
     return checked
 
@@ -251,6 +254,17 @@ def _check_partner(symbol: str, quantities: Mapping[str, Quantity], origin: str)
             f"{symbol} of {origin} must lie within a factor {ASYMMETRY_FACTOR:g} of {partner} "
             f"= {quantities[partner].number:.10g} {negative.unit}, "
             f"got {negative.number:.10g}. {remedy}"
+        )
+
+
+def _check_motor(quantities: Mapping[str, Quantity], origin: str) -> None:
+    """Reject a torque constant of a rotary motor behind a ratio without unit, and vice versa."""
+    n, k_t = (quantities[symbol].unit for symbol in ("n", "k_t"))
+    if (n == PER_METRE) != k_t.startswith("N m/"):
+        raise ParameterError(
+            f"n and k_t of {origin} must be those of one motor: n in {PER_METRE} with k_t in N m/A "
+            f"(or N m/V) of a rotary one, or n in - with N/A (or N/V), got '{n}' with '{k_t}'. "
+            f"A screw or pinion has 2 pi rad over its travel a turn."
         )
 
 
