@@ -53,6 +53,13 @@ protocol = "dbc"
 file = "torque_sensor"
 ```
 
+`"torque_sensor"`, `"load_encoder"` and `"joint_sensor"`, which is both, come with the package,
+and the emulator serves them. They are examples of sensors that send by themselves, once a
+millisecond, with numbers of 32 bits (float, the lowest byte first): `TorqueSensor`, identifier
+0x10000000 (29 bits), has the torque [N m] in bytes 0 to 3 and its status, 0 if in order, in byte
+4; `LoadEncoder`, 0x10000001, has angle [rad] and velocity [rad/s]. What your own sensor sends
+stands in its DBC file, with a mapping beside it as [below](#mappings).
+
 A command enables: any command switches the drive on; it stays off only as long as none is sent.
 Peers: the implementations that the frames are tested against, besides the manufacturers' documents.
 

@@ -60,6 +60,7 @@ class CanJoint:
         self.on_fault: Callable[[Fault], None] | None = None
         self._talk = Dialogue(link, self.nodes)
         self._angle = self.nodes.latest["q_m"]
+        self._angle_before = -math.inf  # time of the report before [s]
         self._lock = lock
         self.record = JointRecord(config, self.sense, record)
         self._full: dict[str, float] = {}
@@ -111,6 +112,7 @@ class CanJoint:
         self._talk.make_ready(self.config.drive.settings.watchdog)
         trouble = self.nodes.trouble(False, self.link.now())
         trouble = trouble or self.guard.check(self._completed(), 0.0)
+        self._angle_before = self._angle.t
         if trouble is not None:
             raise HardwareError(f"The joint cannot be armed: {trouble.text}")
         self.guard.move(State.ARMED)
@@ -191,7 +193,8 @@ class CanJoint:
         self._round_trip = self.timing.answered(self._sent, arrivals)
         trouble = self.nodes.hear(arrivals) or self.nodes.trouble(True, now)
         full = self._completed()
-        trouble = trouble or self.guard.check(full, self.config.dt)
+        elapsed, self._angle_before = self._angle.t - self._angle_before, self._angle.t
+        trouble = trouble or self.guard.check(full, max(elapsed, self.config.dt))
         if trouble is not None:
             finite = all(math.isfinite(full[name]) for name in self.sense.measured)
             if finite and trouble.kind != "corrupt":  # which stays out of the record

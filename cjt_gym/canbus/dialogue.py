@@ -35,14 +35,17 @@ class Dialogue:
     def __init__(self, link: Line, nodes: Nodes) -> None:
         self.link = link
         self._nodes = nodes
+        self._heard: set[int] = set()
 
     def perform(self, node: Node, steps: Iterable[Step]) -> None:
         """Carry out steps one by one; the node must confirm each within two attempts."""
         for step in steps:
             if not (self._try(step) or step.optional or self._try(step)):
+                heard = ", ".join(f"{identifier:#x}" for identifier in sorted(self._heard))
                 raise HardwareError(
                     f"{node.name} (node {node.address}) did not confirm: {step.text}. Check that "
-                    "it is powered, and its protocol, number and bit rate."
+                    "it is powered, and its protocol, number and bit rate. Frames that came "
+                    f"meanwhile: {heard or 'none'}."
                 )
 
     def set_up(self) -> None:
@@ -99,8 +102,10 @@ class Dialogue:
         if not any(self._stops(node, watchdog, k == PROOFS - 1) for k in range(PROOFS)):
             raise HardwareError(
                 f"{node.name} (node {node.address}) must stop by itself within {watchdog:.4g} s "
-                "without a command, and did not: its torque would outlive this program. Switch its "
-                f"watchdog on (docs/protocols.md says how), with at most that time. {UNWATCHED}"
+                "without a command, and no report in that time says so: its torque would outlive "
+                "this program. Switch its watchdog on (docs/protocols.md says how), with at most "
+                "that time; where reports come later than that, give [control] watchdog more. "
+                f"{UNWATCHED}"
             )
 
     def _stops(self, node: Node, watchdog: float, is_last: bool) -> bool:
@@ -164,6 +169,7 @@ class Dialogue:
                 again += dt
             link.wait_until(link.now() + dt / LOOKS)
             arrivals = link.receive()
+            self._heard |= {arrival.message.arbitration_id for arrival in arrivals}
             self._nodes.hear(arrivals)
             if _is_confirmed(step, arrivals):
                 return True

@@ -154,10 +154,14 @@ def fitting_share(joint: Joint, torque: Floats, limits: SafetyLimits, dt: float)
 
 def _is_within(joint: Joint, torque: Floats, limits: SafetyLimits, dt: float) -> bool:
     record = joint.simulate(torque, dt=dt, dt_physics=dt / np.ceil(dt / 1e-4))
+    p = joint.parameters
+    twist = np.abs(record["true_tau"]).max() / p.get("k_b", np.inf)
     low, high = (HEADROOM * x if np.isfinite(x) else x for x in (limits.q_low, limits.q_high))
     return bool(
         np.abs(record["true_dq_m"]).max() <= HEADROOM * limits.dq_m
         and np.abs(record["true_tau"]).max() <= HEADROOM * limits.tau_joint
+        and twist <= HEADROOM * limits.deflection
+        and np.abs(torque).max() <= HEADROOM * limits.current * p.k_t * p.n
         and low <= record["true_q_m"].min()
         and record["true_q_m"].max() <= high
     )

@@ -12,6 +12,7 @@ from typing import Any, Protocol, final
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import Record, default_units, read_record, write_record
+from cjt_gym.records.formats import writer_of
 from cjt_gym.records.metadata import facts_path, write_metadata
 
 SUFFIX = ".csv"
@@ -173,7 +174,8 @@ class Journal:
 
 
 def refuse_taken(path: Path) -> None:
-    """Raise an error if a record's file exists already."""
+    """Raise an error if a record's file exists already, or cannot be written by its suffix."""
+    writer_of(path)
     for there in (path, path.with_suffix(SUFFIX)):
         if there.exists():
             raise ConfigurationError(

@@ -131,7 +131,7 @@ class BusLink:
     def receive(self) -> list[Arrival]:
         """Return all frames since the last call, in order of arrival."""
         if self._failure is not None:
-            raise HardwareError(f"The bus is lost: {self._failure}.") from self._failure
+            raise HardwareError(f"The bus is lost: {_reason(self._failure)}.") from self._failure
         inbox = self._inbox
         return [inbox.popleft() for _ in range(len(inbox))]
 
@@ -161,6 +161,12 @@ class BusLink:
                 self._inbox.append(Arrival(self._clock.arrived(message.timestamp, now), message))
             if now >= look:
                 look = self._supervise(now) or now + self._every
+
+
+def _reason(error: Exception) -> str:
+    """Return why a driver failed, without the traceback that some of them make of it."""
+    cause = error.__cause__ or error.__context__ or error
+    return str(cause).strip().splitlines()[-1] if str(cause).strip() else type(cause).__name__
 
 
 def open_link(settings: BusSettings) -> BusLink:

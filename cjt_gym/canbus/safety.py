@@ -233,7 +233,7 @@ class Guard:
         Args:
             values: Channels such as "q_m" [rad], "tau" [N m], "temperature" [degC], by name; those
                 that no node reports may be NaN.
-            elapsed: Time since the previous control step [s].
+            elapsed: Time since the report before of the motor's angle, at least a control step [s].
         """
         return (
             self._not_finite(values)
@@ -255,7 +255,7 @@ class Guard:
         if abs(moved) > step:
             return Fault(
                 "corrupt",
-                f"q_m cannot move by more than {step:.3g} rad within a control step, got "
+                f"q_m cannot move by more than {step:.3g} rad within {1e3 * elapsed:.3g} ms, got "
                 f"{moved:.3g} rad.",
             )
         return None

@@ -18,6 +18,7 @@ from cjt_gym.canbus.tables import Section
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint, load_joint_file
 from cjt_gym.joint.configure import EffectSpec
+from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.plant import limits_of
 
 BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "stamps", "options")
@@ -105,9 +106,11 @@ def read_joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, Eff
     effects = given.table.get("effects")
     if effects is None:
         effects = load_joint(known, structure).effects
+    if isinstance(effects, list) and any("." in word or "=" in word for word in map(str, effects)):
+        effects = parse_effects(map(str, effects))
     if not isinstance(effects, list | Mapping):
         raise ConfigurationError(
-            f"effects of {owner} must be a list of names or a table of effects, got {effects!r}."
+            f"effects of {owner} must be a list, as for --effect, or a table, got {effects!r}."
         )
     return load_joint(known, structure, effects=[]), known, effects
 
@@ -148,7 +151,10 @@ class NodeReader:
 
 
 def read_limits(table: object, owner: str, joint: Joint) -> SafetyLimits:
-    """Return the limits of the joint file, tightened by the table [limits]."""
+    """Return the limits of the joint file, tightened by the table [limits].
+
+    A tighter current tightens the torque that may be commanded, unless that is given.
+    """
     given = Section(table, owner, LIMITS)
     p, most = joint.parameters, limits_of(joint)
 
@@ -161,7 +167,10 @@ def read_limits(table: object, owner: str, joint: Joint) -> SafetyLimits:
             )
         return float(value)
 
+    current = tightened("current", "A", HEADROOM * p.get("i_p", math.inf))
     tau = tightened("tau", "N m", most.tau)
+    if "tau" not in given:
+        tau = min(tau, current * p.k_t * p.n / HEADROOM)
     tau_joint = tightened("tau_joint", "N m", most.tau_joint)
     low, high = _span(given)
     return SafetyLimits(
@@ -173,7 +182,7 @@ def read_limits(table: object, owner: str, joint: Joint) -> SafetyLimits:
         tau_joint=tau_joint,
         deflection=tightened("deflection", "rad", tau_joint / p.get("k_b", 1.0)),
         temperature=tightened("temperature", "degC", p.get("Tmp_WMax", math.inf)),
-        current=tightened("current", "A", HEADROOM * p.get("i_p", math.inf)),
+        current=current,
     )
 
 

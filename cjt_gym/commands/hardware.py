@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -73,7 +74,8 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def _run(options: argparse.Namespace) -> dict[str, Any]:
-    logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
+    # python-can warns of frames that come in pieces, and prints tracebacks of what is told here
+    logging.getLogger("can").setLevel(logging.CRITICAL)
     configs = load_joints(options.config, options.joint)
     if options.dry_run and options.emulated:
         raise ConfigurationError("Give --dry-run or --emulated, not both.")
@@ -84,6 +86,8 @@ def _run(options: argparse.Namespace) -> dict[str, Any]:
         return _look(configs)
     if options.out is None and not options.dry_run:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
+    for config in configs:
+        _tell_free(config)
     frames = Frames() if options.dry_run else None
     with in_order(), _watched(options, configs) as watcher:
         results = [
@@ -96,6 +100,15 @@ def _run(options: argparse.Namespace) -> dict[str, Any]:
     if options.benchmark is not None:
         return {"records": results, "rows": _compare(configs, options)}
     return results[0] if options.experiment is None else {"records": results}
+
+
+def _tell_free(config: HardwareConfig) -> None:
+    """Say it where nothing limits how far a joint turns."""
+    if math.isinf(config.limits.q_high) and not config.joint.structure_row.output_fixed:
+        sys.stderr.write(
+            f"The output of {config.joint_name} is free and q_m has no limit: it turns as far as "
+            "its torque takes it. A range q_m in [limits] ends a run there.\n"
+        )
 
 
 @contextlib.contextmanager

@@ -24,7 +24,8 @@ from cjt_gym.console.options import (
     structure_of,
     tell_effects,
 )
-from cjt_gym.errors import ConfigurationError, check_name
+from cjt_gym.errors import ConfigurationError, check_name, check_range
+from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
 from cjt_gym.training.evaluation.rollout import joint_of
 from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
@@ -32,6 +33,8 @@ from cjt_gym.training.tuning.limits import Limits
 from cjt_gym.training.tuning.problem import Search
 from cjt_gym.training.tuning.tune import Outcome, tune
 
+STEP, LONGEST = 1e-3, 0.02
+"""Usual and longest control step [s]."""
 LIMITS = {
     "--gain-margin": "smallest gain margin [-]",
     "--phase-margin": "smallest phase margin [deg]",
@@ -52,6 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "friction, sensors and what the joint file lists, ripple, delays (docs/benchmark.md)"
     add_conditions(parser, effects=text)
     add("--out", type=Path, required=True, metavar="FILE.toml", help="gain file to write")
+    text = "control step of the loop that the gains are for [s], default 0.001"
+    add("--dt", type=float, default=STEP, help=text)
     add("--budget", type=int, default=200, help="candidates to try, default 200")
     add("--seed", type=int, default=0, help="seed of the search and its draws, 0 to 99, default 0")
     add("--episodes", type=int, default=32, help="parallel episodes per candidate, default 32")
@@ -80,6 +85,7 @@ def run(options: argparse.Namespace) -> Answer:
     check_out(options)
     asked = effect_words(options)
     limits = Limits(**{limit.name: getattr(options, limit.name) for limit in fields(Limits)})
+    check_range("--dt", options.dt, "s", low=DT_PHYSICS, high=LONGEST)
     search = Search(
         options.controller,
         options.joint,
@@ -88,6 +94,7 @@ def run(options: argparse.Namespace) -> Answer:
         options.seed,
         options.episodes,
         limits,
+        dt=options.dt,
         drive=drive_of(options.joint, options.drive),
         effects=None if asked is None else tuple(asked),
         randomization=check_randomize(options),
@@ -150,6 +157,8 @@ def command(options: argparse.Namespace) -> str:
     words = ["cjt-gym", "tune", options.controller, "--joint", options.joint]
     words += ["--structure", options.structure, "--budget", str(options.budget)]
     words += ["--seed", str(options.seed), "--episodes", str(options.episodes)]
+    if options.dt != STEP:
+        words += ["--dt", f"{options.dt:g}"]
     if options.drive is not None:
         words += ["--drive", options.drive]
     if options.effect is not None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import whole
 from cjt_gym.errors import RecordError, unknown_name
-from cjt_gym.records.formats import FORMATS, Table, format_of
+from cjt_gym.records.formats import FORMATS, Table, format_of, writer_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
 from cjt_gym.records.metadata import describes_record, facts_path, metadata_text, read_metadata
 from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load
@@ -166,10 +166,7 @@ def write_record(record: Record, path: str | Path) -> Path:
             ``.toml`` is there and of something else.
     """
     path = Path(path)
-    write = format_of(path).write
-    if write is None:
-        able = ", ".join(suffix for suffix, form in FORMATS.items() if form.write is not None)
-        raise RecordError(f"Records are written as {able}, got {path}.")
+    write = writer_of(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole(facts_path(path)) as facts, whole(path) as table:
         write({name: record[name] for name in record.columns}, table)

@@ -86,6 +86,19 @@ FORMATS: Final[dict[str, Format]] = {
 }
 
 
+def writer_of(path: Path) -> Callable[[Mapping[str, FloatArray], Path], None]:
+    """Return what writes the format that the suffix of a file names.
+
+    Raises:
+        RecordError: The suffix is not one of :data:`FORMATS`, or one that is only read.
+    """
+    write = format_of(path).write
+    if write is None:
+        able = ", ".join(suffix for suffix, form in FORMATS.items() if form.write is not None)
+        raise RecordError(f"Records are written as {able}, got {path}.")
+    return write
+
+
 def format_of(path: Path) -> Format:
     """Return the format that the suffix of a file names."""
     try:

@@ -23,6 +23,8 @@ COMMON = 0.02
 """Share of samples above which they are no glitches but how the channel is."""
 FEWEST = 20
 """Samples without which nothing can be told."""
+APART = 20.0
+"""Distance from all others, in their range, over which an angle does not leap and come back."""
 STEEP = 3.0
 """Steps of a channel's lattice per sample over which one that stands still is stale."""
 FINE = 30.0
@@ -41,7 +43,8 @@ def glitches(x: FloatArray, *, angle: bool = False) -> NDArray[np.bool_]:
     The edges of a glitch exceed nearly all changes of the channel in the samples around it, its
     steady slope taken off, and lead back to where the channel came from. A step stays where it is;
     so it is none. With `angle` the few samples before a first or after a last jump are glitches as
-    well: what is outside the log does not tell, but a joint does not step.
+    well: what is outside the log does not tell, but a joint does not step. Nor does it leap far
+    from where it is otherwise, however long that lasts.
     """
     out = np.zeros(len(x), dtype=bool)
     known = np.flatnonzero(np.isfinite(x))
@@ -56,6 +59,7 @@ def glitches(x: FloatArray, *, angle: bool = False) -> NDArray[np.bool_]:
     for begin, end in _runs(high, edges, y):
         out[known[begin:end]] = True
     if angle:
+        out[known[_apart(y)]] = True
         begins, ends = _false_ends(y)
         out[known[:begins]] = out[known[ends:]] = True
     return out if out.sum() <= COMMON * len(known) else np.zeros(len(x), dtype=bool)
@@ -67,6 +71,23 @@ def _false_ends(y: FloatArray) -> tuple[int, int]:
     high = np.flatnonzero(np.abs(edges) > _limit(edges, y))
     first, last = high[high < LONGEST_GLITCH], high[high >= len(edges) - LONGEST_GLITCH]
     return int(first[-1]) + 1 if len(first) else 0, int(last[0]) + 1 if len(last) else len(y)
+
+
+def _apart(y: FloatArray) -> NDArray[np.bool_]:
+    """Return which few samples of an angle lie together, far from all others, none between."""
+    out = np.zeros(len(y), dtype=bool)
+    few = int(COMMON * len(y))
+    if few == 0:
+        return out
+    ordered = np.sort(y)
+    gaps = np.diff(ordered)
+    least = APART * float(ordered[-1 - few] - ordered[few])
+    low, high = int(np.argmax(gaps[:few])), len(gaps) - few + int(np.argmax(gaps[-few:]))
+    if gaps[low] > max(least, APART * gaps[:low].max(initial=0.0)) > 0.0:
+        out |= y <= ordered[low]
+    if gaps[high] > max(least, APART * gaps[high + 1 :].max(initial=0.0)) > 0.0:
+        out |= y >= ordered[high + 1]
+    return out
 
 
 def _limit(edges: FloatArray, y: FloatArray) -> FloatArray:

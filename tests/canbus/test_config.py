@@ -63,7 +63,7 @@ def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
         ({"drive": {"protocol": "odriv", "node": 1}}, "Did you mean 'odrive'"),
         ({"drive": {"protocol": "odrive", "node": 64}}, "node"),
         ({"joint": {"structure": "rigid"}}, "cannot be known: the structure rigid has no spring"),
-        ({"joint": {"effects": "coulomb"}}, "list of names or a table"),
+        ({"joint": {"effects": "coulomb"}}, "must be a list, as for --effect"),
         ({"emulator": {"loss": 1.5}}, "loss"),
         ({"emulator": {"load": -0.1}}, "load .* must be >= 0 and <= 0.95"),
         ({"emulators": {}}, "Did you mean 'emulator'"),
@@ -119,4 +119,9 @@ def test_the_emulated_joint_has_the_effects_of_its_file_unless_others_are_given(
         joint = {"file": "mine.toml", "structure": "output_fixed", **given}
         found = parse_hardware({**document(), "joint": joint}, "bench.toml", tmp_path)
         assert set(emulated_joint(found).effects) - {"noise", "quantization"} == wanted
+    words = ["coulomb.d_cm=0.6", "cogging=typical"]
+    joint = {"file": "mine.toml", "structure": "output_fixed", "effects": words}
+    found = parse_hardware({**document(), "joint": joint}, "bench.toml", tmp_path)
+    assert emulated_joint(found).effects["coulomb"]["d_cm"] == 0.6
+    assert "cogging" in emulated_joint(found).effects
     assert found.joint.effects == {}, "the nominal joint of controllers has none"

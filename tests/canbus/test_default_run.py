@@ -157,8 +157,16 @@ def test_delay_that_no_gains_are_designed_for_is_refused() -> None:
         law_for("pd", given.joint, given.dt, {"measurement_delay.delay": 0.5})
 
 
-def test_default_reference_fits_the_limits(tmp_path: Path) -> None:
-    tight = {"tau": {"value": 6.0, "unit": "N m"}, "dq_m": {"value": 0.3, "unit": "rad/s"}}
+@pytest.mark.parametrize(
+    "tight",
+    [
+        {"tau": {"value": 6.0, "unit": "N m"}, "dq_m": {"value": 0.3, "unit": "rad/s"}},
+        {"current": {"value": 0.6, "unit": "A"}},
+        {"deflection": {"value": 0.0007, "unit": "rad"}},
+    ],
+    ids=["torque and speed", "current", "deflection"],
+)
+def test_default_reference_fits_the_limits(tight: dict[str, Any], tmp_path: Path) -> None:
     path, out = tmp_path / "joint.toml", tmp_path / "run.csv"
     path.write_text(disk.to_toml(document(drive=ASKED, limits=tight)))
     words = ["hardware", str(path), "--emulated", "--reference", "step", "--duration", "2"]

@@ -71,6 +71,18 @@ def test_states_follow_their_table() -> None:
                     guard.move(target)
 
 
+def test_an_angle_may_move_for_as_long_as_its_reports_stayed_away() -> None:
+    given = config()
+    guard = Guard(given.limits, given.dt, given.soft, given.overrun, given.missed)
+    moved = 0.9 * given.limits.dq_m * 10 * given.dt  # in ten control steps
+    values = dict.fromkeys(("q_m", "dq_m", "tau", "deflection", "i", "tau_m"), 0.0)
+    assert guard.check(values, given.dt) is None
+    assert guard.check(values | {"q_m": moved}, 10 * given.dt) is None
+    fault = guard.check(values, given.dt)
+    assert fault is not None
+    assert fault.kind == "corrupt"
+
+
 def test_nothing_moves_unless_armed() -> None:
     given = config()
     plant, emulator = virtual_plant(given)
@@ -150,6 +162,8 @@ def test_record_of_another_format_and_no_overwriting(tmp_path: Path) -> None:
     assert not path.with_suffix(".csv").exists()
     with pytest.raises(ConfigurationError, match="already exists"):
         CanPlant(config(), record=path)
+    with pytest.raises(RecordError, match="must end in .csv"):
+        CanPlant(config(), record=tmp_path / "run.xyz")
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])

@@ -11,7 +11,7 @@ import pytest
 from cjt_gym.canbus.link import BusLink
 from cjt_gym.canbus.settings import read_bus
 from cjt_gym.canbus.stamps import JUMP, WINDOW, StampClock, clock_of
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, HardwareError
 
 
 @pytest.mark.parametrize("drift", [0.0, 1e-4, -1e-4])
@@ -108,3 +108,30 @@ def test_interfaces_with_a_clock_are_known(interface: str, asked: str, kind: str
 def test_another_word_for_stamps_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="auto, interface, reception, got 'gps'"):
         read_bus({"interface": "x", "channel": "x", "stamps": "gps"}, "[bus]")
+
+
+class Lost:
+    """A bus whose server is gone; its driver makes a traceback of that, as socketcand's does."""
+
+    def recv(self, timeout: float) -> can.Message | None:
+        try:
+            raise ConnectionResetError(104, "Connection reset by peer")
+        except OSError as error:
+            text = "Traceback (most recent call last):\n  line 1, in recv"
+            raise can.CanOperationError(text) from error
+
+    def shutdown(self) -> None:
+        pass
+
+
+def test_a_lost_bus_says_why_without_a_traceback() -> None:
+    link = BusLink(Lost())  # type: ignore[arg-type]
+    said, end = "", time.perf_counter() + 20.0
+    while not said and time.perf_counter() < end:
+        try:
+            link.receive()
+        except HardwareError as error:
+            said = str(error)
+        time.sleep(0.01)
+    link.close()
+    assert said == "The bus is lost: [Errno 104] Connection reset by peer."

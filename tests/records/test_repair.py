@@ -370,6 +370,17 @@ def test_a_channel_that_is_cut_off_is_said() -> None:
     assert "8" in repairs[0].text
 
 
+def test_an_angle_that_leaps_far_away_is_a_glitch_however_long_that_lasts() -> None:
+    t = 1e-3 * np.arange(3000)
+    angle = np.sin(3.0 * t)
+    off = angle.copy()
+    off[1000:1015], off[2000:2040] = 9999.0, -500.0
+    assert np.array_equal(glitches(off, angle=True), off != angle)
+    assert not glitches(off).any()  # a current may be a pulse
+    burst = np.where(t > 2.97, np.minimum(t - 2.97, 0.03) * 100.0, 1e-4 * np.round(angle))
+    assert not glitches(burst, angle=True).any()  # it turns fast at the end
+
+
 @pytest.mark.parametrize(
     ("place", "count"), [(slice(0, 1), 1), (slice(0, 3), 3), (slice(-2, None), 2)]
 )

@@ -181,7 +181,7 @@ def test_the_command_writes_a_gain_file_that_says_how_it_was_made(
 ) -> None:
     out = tmp_path / "pd.toml"
     words = ["tune", "pd_feedforward", "--joint", JOINT, "--budget", "3", "--seed", "1"]
-    words += ["--episodes", "4"]
+    words += ["--episodes", "4", "--dt", "0.002"]
     assert main([*words, "--phase-margin", "20", "--json", "--out", str(out)]) == 0
     captured = capsys.readouterr()
     result = json.loads(captured.out)
@@ -190,9 +190,10 @@ def test_the_command_writes_a_gain_file_that_says_how_it_was_made(
     assert choice.gains == result["gains"]
     assert choice.facts["command"] == (
         "cjt-gym tune pd_feedforward --joint orange_80_6000 --structure "
-        "output_fixed_rigid_gearbox --budget 3 --seed 1 --episodes 4 "
+        "output_fixed_rigid_gearbox --budget 3 --seed 1 --episodes 4 --dt 0.002 "
         "--phase-margin 20 --out pd.toml"
     )
+    assert choice.facts["dt"] == 0.002
     assert choice.facts["limits"]["phase_margin"] == 20.0
     assert choice.facts["held_out"]["tuned"] == result["held_out"]["tuned"]
     with pytest.warns(CjtGymWarning, match=f"tuned for {JOINT}, .* used on lemon_50_6000"):

@@ -78,8 +78,10 @@ def measure_gap(
         and as the first and the last model replay it, by channel.
     """
     found = [followed(setting, models) for setting in settings]
+    names = dict.fromkeys(name for one in found for name in one)  # not all in every record
     sound = {
-        name: [f[name] for f in found if np.isfinite(f[name][[1, -1]]).all()] for name in found[0]
+        name: [f[name] for f in found if name in f and np.isfinite(f[name][[1, -1]]).all()]
+        for name in names
     }
     sound = {name: parts for name, parts in sound.items() if parts}
     replays = {
