@@ -16,6 +16,7 @@ from cjt_gym.gap.recorded.tolerances import strained
 from cjt_gym.gap.stages.kernel import smooth_speed
 from cjt_gym.gap.stages.smoothing import with_smoothing
 from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.records import Record, default_units
 from tests.gap.bench import STRUCTURE, joint_of, record_of
 from tests.gap.simulator import nominal
 
@@ -62,6 +63,26 @@ def test_the_effect_that_frees_a_value_far_off_explains_it(tmp_path: Path, facto
     assert found.verdict == "explained"
     assert [e.name for e in found.effects] == ["damping"]
     assert found.effects[0].parameters["d_m"].value == pytest.approx(off["d_m"], rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [0.87, 1.15])
+def test_of_values_that_explain_alike_the_one_is_named_beside_which_others_stay(
+    tmp_path: Path, factor: float
+) -> None:
+    """More torque is less inertia and damping, until the datasheet tells which of them is off."""
+    sheet = joint_of(tmp_path, structure="rigid").file
+    known = sheet.parameters
+    tight = {"k_t": 0.015, "I_m": 0.02, "I_l": 0.02, "d_m": 0.1, "d_l": 0.2}
+    given = {name: replace(known.quantities[name], tolerance=t) for name, t in tight.items()}
+    k_t = factor * known.k_t
+    driven = record_of(joint_of(tmp_path, structure="rigid", parameters={"k_t": k_t}))
+    columns = {name: driven[name] for name in ("t", "i_cmd", "q_m")}
+    record = Record(columns, default_units(tuple(columns)), structure="rigid")
+    found = diagnose(record, replace(sheet, parameters=known.replace(**given)))
+    (effect,) = found.effects
+    assert (effect.name, effect.status) == ("torque_constant", "tentative")
+    assert "inertia" in effect.confusable_with
+    assert effect.parameters["k_t"].low < k_t < effect.parameters["k_t"].high
 
 
 def number_of(found: Diagnosis, effect: str, symbol: str) -> float:

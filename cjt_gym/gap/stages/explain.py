@@ -23,6 +23,7 @@ from cjt_gym.gap.stages.prune import (
     Need,
     alternatives,
     enrich,
+    freed,
     likelier_twins,
     other_frequencies,
     prune,
@@ -91,6 +92,8 @@ def explain(
     found = selection.run()
     fit = simplify(problem, found, selection.candidates)
     fit = enrich(problem, fit, selection.seen)
+    fit, tried = freed(problem, fit, selection.seen)
+    selection.seen += tried
     fit = likelier_twins(problem, fit, selection.candidates)
     if fit is not found:  # the other law started from the datasheet values that the first had left
         fit = retuned(problem, fit)

@@ -194,8 +194,8 @@ class Problem:
         jacobian = self.jacobian(model, z, residuals, known)
         fresh, damping = known is None, 1e-3
         for _ in range(moves if z.size else 0):
-            hessian, gradient = self._normal(model, jacobian, residuals, ms, z)
-            gain, damping, step = self._search(model, z, cost, hessian, gradient, damping)
+            near = self._linearised(model, jacobian, ms)
+            gain, damping, step = self._search(near, z, residuals, cost, damping)
             if step is not None:
                 z, residuals, ms, cost = step
             small = step is None or gain < tolerance
@@ -205,6 +205,18 @@ class Problem:
             jacobian = self.jacobian(model, z, residuals, None if small else jacobian)
         fitted = Fit(model, z, cost, ms, residuals, jacobian)
         return self._relaxed(fitted) if moves else fitted
+
+    def from_datasheet(self, fit: Fit, moves: int = MOVES, tolerance: float = 0.1) -> Fit:
+        """Return the better one of a fit and one that starts where the datasheet is not strained.
+
+        A datasheet value that an effect sets free may have strained others before it was free, and
+        on the narrow way back along a valley of the cost a fit ends early.
+        """
+        known = len(self.shared)
+        z = np.r_[np.zeros(known), fit.z[known:]]
+        other = self.fit(fit.model, z, moves, tolerance=tolerance)
+        costs = [self.cost(fit.model, one.mean_square, one.z, False) for one in (fit, other)]
+        return other if costs[1] < costs[0] else fit
 
     def _relaxed(self, fit: Fit) -> Fit:
         """Return a fit without datasheet strain that merely lowers residuals below the floor.
@@ -227,24 +239,31 @@ class Problem:
 
     def _search(
         self,
-        model: Model,
+        near: _Linearised,
         z: Floats,
+        residuals: dict[str, Floats],
         cost: float,
-        hessian: Floats,
-        gradient: Floats,
         damping: float,
     ) -> tuple[float, float, tuple[Floats, dict[str, Floats], dict[str, float], float] | None]:
+        hessian, gradient = near.hessian, near.gradient(residuals, z)
         diagonal = np.diag(hessian).copy()
         for _ in range(6):
             matrix = hessian + np.diag(damping * diagonal + 1e-12)
             move = -np.linalg.solve(matrix, gradient)
             move = move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-12))
-            new = self.bounded(model, z + move)
-            residuals = self.residuals(model, new)
-            ms = self.mean_square(residuals)
-            better = self.cost(model, ms, new)
-            if better < cost:
-                return cost - better, max(damping / 10.0, 1e-9), (new, residuals, ms, better)
+            new = self.bounded(near.model, z + move)
+            there = self.residuals(near.model, new)
+            for back in (False, True):
+                if back:  # into a valley of the cost that bends
+                    move = -np.linalg.solve(matrix, near.gradient(there, new))
+                    new = self.bounded(near.model, new + move)
+                    there = self.residuals(near.model, new)
+                ms = self.mean_square(there)
+                better = self.cost(near.model, ms, new)
+                if better < cost:
+                    return cost - better, max(damping / 10.0, 1e-9), (new, there, ms, better)
+                if not np.isfinite(better):
+                    break
             damping = max(damping * 10.0, 1e-3)
         return 0.0, damping, None
 
@@ -276,22 +295,33 @@ class Problem:
                     out[name][:, j] = column
         return out
 
-    def _normal(
-        self,
-        model: Model,
-        jacobian: dict[str, Floats],
-        residuals: dict[str, Floats],
-        ms: dict[str, float],
-        z: Floats,
-    ) -> tuple[Floats, Floats]:
+    def _linearised(
+        self, model: Model, jacobian: dict[str, Floats], ms: dict[str, float]
+    ) -> _Linearised:
+        weights = {name: 2.0 / DEFLATION / max(ms[name], FLOOR**2) for name in jacobian}
         prior = self.has_prior(model).astype(np.float64)
-        hessian, gradient = np.diag(prior + 1e-9), prior * z
-        for name, r in residuals.items():
-            weight = 2.0 / DEFLATION / max(ms[name], FLOOR**2)
-            j = jacobian[name]
-            hessian = hessian + weight * (j.T @ j)
-            gradient = gradient + weight * (j.T @ r)
-        return hessian, gradient
+        return _Linearised(model, jacobian, weights, prior)
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """The cost near some coordinates, with residuals that change linearly."""
+
+    model: Model
+    jacobian: dict[str, Floats]  # derivatives of the residuals, shape (N, p) by stage
+    weights: dict[str, float]  # weight of a squared residual, by stage
+    prior: Floats  # 1 for the coordinates that have a prior, 0 for others, shape (p,)
+
+    @property
+    def hessian(self) -> Floats:
+        """Second derivatives of the cost, shape (p, p)."""
+        parts = (w * (self.jacobian[n].T @ self.jacobian[n]) for n, w in self.weights.items())
+        return np.asarray(sum(parts, np.diag(self.prior + 1e-9)))
+
+    def gradient(self, residuals: dict[str, Floats], z: Floats) -> Floats:
+        """Return the derivatives of the cost at coordinates with these residuals, shape (p,)."""
+        parts = (w * (self.jacobian[n].T @ residuals[n]) for n, w in self.weights.items())
+        return np.asarray(sum(parts, self.prior * z))
 
 
 def difference(unknown: Number, z: float) -> float:

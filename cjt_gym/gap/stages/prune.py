@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,8 @@ SAME = 0.03
 """Log reduction of a residual by which a more complicated law must do better."""
 NEAR = 25.0
 """Difference in evidence within which two explanations are equally good."""
+THOROUGH_MOVES, THOROUGH = 40, 1e-3
+"""Steps of a fit that must end in the very minimum, and the gain of one at which it ends."""
 FEW_MOVES, HOPELESS = 4, 150.0
 """Steps of a first fit of an alternative, and the lack of evidence at which it ends there."""
 COLOURED = 0.25
@@ -180,6 +182,28 @@ def likelier_twins(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]
                 trial = _swapped(problem, fit, index, other[0])
                 fit = trial if loss(problem, trial, fit) < NEAR else fit
     return fit
+
+
+def freed(problem: Problem, fit: Fit, seen: Sequence[Fit]) -> tuple[Fit, list[Fit]]:
+    """Return the best model of those that set another datasheet value free, and all of them.
+
+    What they predict hardly differs: what tells them apart is how far the rest of the datasheet has
+    to give way, which each of them must have settled.
+    """
+    tried: list[Fit] = []
+    for index, effect in enumerate(fit.model.effects):
+        if effect.releases is None:
+            continue
+        rest = {e.key for k, e in enumerate(fit.model.effects) if k != index}
+        others: dict[Hashable, Fit] = {}
+        for other in sorted(seen, key=lambda f: -evidence(problem, f)):
+            new = [e for e in other.model.effects if e.key not in rest]
+            same = len(other.model.effects) == len(fit.model.effects)
+            if same and len(new) == 1 and new[0].releases is not None:
+                others.setdefault(new[0].key, other)
+        near = [other for other in others.values() if loss(problem, other, fit) < NEAR]
+        tried += [problem.from_datasheet(f, THOROUGH_MOVES, THOROUGH) for f in near]
+    return max([fit, *tried], key=lambda f: evidence(problem, f)), tried
 
 
 def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> Fit:
