@@ -14,7 +14,6 @@ from cjt_gym.gap.by_stages import Ask, by_stages
 from cjt_gym.gap.candidates.separated import separating
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.energy import NOT_THE_INPUT
-from cjt_gym.gap.check.examine import SHORTEST
 from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, REFLECTED, SCALES, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
 from cjt_gym.gap.diagnosis import ENOUGH, NOTHING_LEFT, Diagnosis, Suggestion
@@ -29,7 +28,7 @@ from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.orient import all_oriented
-from cjt_gym.gap.recorded.series import Stretch, stretches
+from cjt_gym.gap.recorded.series import SHORTEST, Stretch, stretches
 from cjt_gym.gap.recorded.tolerances import strained, unlisted
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.gap.stages.select import Progress, silent

@@ -30,8 +30,8 @@ def test_the_structure_may_be_that_of_the_joint() -> None:
 
 def test_a_record_too_short_to_test_on_is_refused() -> None:
     whole = record()
-    with pytest.raises(RecordError, match="at least 100 samples to test a diagnosis on, got 50"):
-        diagnose(whole.slice(50, None), datasheet(), "rigid", whole.slice(0, 50))
+    with pytest.raises(RecordError, match="at least 50 samples to test a diagnosis on, got 40"):
+        diagnose(whole.slice(40, None), datasheet(), "rigid", whole.slice(0, 40))
 
 
 def test_a_log_takes_the_gear_ratio_of_the_joint_that_its_mapping_names(tmp_path: Path) -> None:

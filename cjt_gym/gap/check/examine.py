@@ -15,14 +15,13 @@ from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
+from cjt_gym.gap.recorded.series import SHORTEST
 from cjt_gym.gap.recorded.usable import measured_only, unmeasured
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
 ALONE = "Map the torque of what else drives the joint as tau_l, or let its motor drive it alone."
 """Remedy for motion that is not the motor's."""
-SHORTEST = 100
-"""Fewest samples for an examination."""
 BRIEFEST = 0.2
 """Shortest duration of a record [s]."""
 ROWS: Mapping[str, Callable[[View], Verdict]] = {
@@ -75,7 +74,7 @@ def examine(
             else the one suggested by the channels.
 
     Raises:
-        RecordError: There is no record, or it has fewer than 100 samples, lasts less than 0.2 s or
+        RecordError: There is no record, or it has fewer than 50 samples, lasts less than 0.2 s or
             has no channel.
         ParameterError: A body of the joint that moves freely has no inertia.
     """

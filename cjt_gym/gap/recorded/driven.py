@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from cjt_gym.gap.recorded.series import SHORTEST as FEWEST
 from cjt_gym.joint import Structure
 from cjt_gym.records import Record
 
@@ -24,8 +25,6 @@ INPUTS = ("i_cmd", "tau_cmd", "i", "tau_m")
 OFF, NOISY = 1e-3, 0.1
 """Largest input of a motor that is off, relative to the largest of all records, and largest mean of
 a measured current over `OVER`, which may be noisy, beside a command that is off."""
-FEWEST = 100
-"""Fewest rows of a record that are worth having."""
 SHORTEST, OVER = 0.5, 0.1
 """Shortest stretch, and time over which its speeds are averaged [s]."""
 FURTHER = 2.0 * np.pi

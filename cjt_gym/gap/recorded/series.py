@@ -21,8 +21,9 @@ from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
-SHORTEST = 100
-"""Minimum number of samples for a diagnosis."""
+SHORTEST = 50
+"""Minimum number of samples of a record. Several of 73 and 85, a second each from the buffers of
+drives, told dry friction and damping as longer records did."""
 ENOUGH, BRIEF, MOST = 500, 150, 8
 """Number of samples of a stretch that is worth having, of one that will do where a log has few of
 them, as a fifth of it may be held out, and of such stretches of one log."""

@@ -251,8 +251,8 @@ def test_its_dictionary_is_what_the_contract_says() -> None:
 
 
 def test_a_record_that_is_too_short_is_refused() -> None:
-    with pytest.raises(RecordError, match="at least 100 samples"):
-        examine(record(columns(seconds=0.05)), joint(), None)
+    with pytest.raises(RecordError, match="at least 50 samples"):
+        examine(record(columns(seconds=0.03)), joint(), None)
     with pytest.raises(RecordError, match="needs a record"):
         examine([], joint(), None)
 

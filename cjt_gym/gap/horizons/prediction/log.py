@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.signal import savgol_filter
 
 from cjt_gym.errors import RecordError
-from cjt_gym.gap.recorded.series import SLOW, current_before, same_file
+from cjt_gym.gap.recorded.series import SHORTEST, SLOW, current_before, same_file
 from cjt_gym.gap.recorded.slope import in_time, is_noise, is_slope
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.files.quantity import Quantity
@@ -33,8 +33,6 @@ ENOUGH = 2e-3
 DRIVING = ("i", "i_cmd", "v", "tau_cmd", "tau_m", "tau_l")
 FOLLOWED = 0.1
 """Largest share of a current's variance that its command may leave unexplained."""
-FEWEST = 100
-"""Fewest samples of a usable channel."""
 STUCK = 0.05
 """Share of the usual speed below which dry friction cannot be evaluated."""
 EITHER_WAY = 0.1
@@ -178,7 +176,7 @@ def to_log(
         RecordError: Nothing drives the joint, or nothing that could be predicted was measured.
     """
     columns = {name: record[name] for name in record.columns if name != "t"}
-    columns = {n: x for n, x in columns.items() if np.isfinite(x).sum() >= FEWEST}
+    columns = {n: x for n, x in columns.items() if np.isfinite(x).sum() >= SHORTEST}
     t = record.t
     dt = float(np.median(np.diff(t)))
     every = 1
