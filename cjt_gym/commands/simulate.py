@@ -112,7 +112,10 @@ def run(options: argparse.Namespace) -> Answer:
         "peak_torque": largest,
     }
     replayed = PAST if task.replayed == CURRENT else "command replayed in open loop"
-    how = f"tracking error {rmse:.4g} N m rms" if tracks else replayed
+    how = replayed
+    if tracks:
+        asked = float(np.sqrt(np.mean(record["tau_ref"] ** 2)))
+        how = f"tracking error {rmse:.4g} N m rms of a reference of {asked:.4g} N m rms"
     peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
     return result, f"{path}: {len(record)} samples, {how}{peak}{told_load(joint, loaded)}"
 
