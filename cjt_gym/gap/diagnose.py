@@ -29,7 +29,7 @@ from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.orient import all_oriented
 from cjt_gym.gap.recorded.series import SHORTEST, Stretch, stretches
-from cjt_gym.gap.recorded.tolerances import strained, unlisted
+from cjt_gym.gap.recorded.tolerances import strained, unlisted, unnamed
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.gap.stages.select import Progress, silent
 from cjt_gym.gap.stages.smoothing import with_smoothing
@@ -121,7 +121,8 @@ def diagnose(
             found = judged(found, given, held, file, shape, progress)
             known = any("i" in one for one in given)
             found = at_the_floor(found, replace(file, structure=shape.name), measured=known)
-        remarks += unlisted(file, found.joint, [e.name for e in found.effects])
+        names = [e.name for e in found.effects]
+        remarks += [*unlisted(file, found.joint, names), *unnamed(file, found.joint, names)]
         joint = with_sensors(found.joint, found.effects, title_of(given[0]))
         found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.recorded.series import stretches
-from cjt_gym.gap.recorded.tolerances import strained
+from cjt_gym.gap.recorded.tolerances import strained, unnamed
 from cjt_gym.gap.stages.kernel import smooth_speed
 from cjt_gym.gap.stages.smoothing import with_smoothing
 from cjt_gym.joint.files.quantity import Quantity
@@ -51,6 +51,15 @@ def test_a_value_with_a_wide_tolerance_that_moves_beyond_it_is_told(tmp_path: Pa
     assert strained(guess, far, ()) == []
     near = replace(sheet, parameters=sheet.parameters.replace(d_m=1.2 * wide.number))
     assert strained(file, near, ()) == []
+
+
+def test_a_lag_that_a_joint_has_without_a_name_is_told(tmp_path: Path) -> None:
+    sheet = joint_of(tmp_path).file
+    lag = {"bandwidth": Quantity(9.7, "Hz", "identified")}
+    found = replace(sheet, effects={**sheet.effects, "current_lag": lag})
+    (said,) = unnamed(sheet, found, ["coulomb"])
+    assert said.startswith("joint.toml has a current_lag of 9.7 Hz")
+    assert unnamed(sheet, found, ["current_lag"]) == unnamed(found, found, []) == []
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import cmath
 import math
 from collections.abc import Collection, Mapping
 
-from cjt_gym.joint import JointFile
+from cjt_gym.joint import EFFECTS, JointFile
 from cjt_gym.joint.effects.friction import DRY
 from cjt_gym.joint.files.quantity import Quantity
 
@@ -59,6 +59,26 @@ def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[
         f"The joint file states {', '.join(symbols)} but lists no dry friction, so that its "
         "simulation has none, while this diagnosis assumes it. Add [effects.coulomb] to the file."
     ]
+
+
+def unnamed(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
+    """Return a remark on each effect of the drive that a joint has only as it predicts better so.
+
+    Args:
+        file: The datasheet.
+        found: The joint that was found.
+        named: Names of the effects that a diagnosis tells.
+    """
+    said = []
+    for name in found.effects.keys() - file.effects.keys() - {*named}:
+        number = next((x for x in found.effects[name].values() if isinstance(x, Quantity)), None)
+        if EFFECTS[name].stage == "drive" and number is not None:
+            said.append(
+                f"joint.toml has a {name} of {number.number:.2g} {number.unit}, as the motion "
+                "follows its input best so: the log may hold the input early, or the sensors are "
+                "late. It is not named, as this record does not show whose it is."
+            )
+    return said
 
 
 def strained(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
