@@ -21,7 +21,7 @@ from cjt_gym.gap.check.view import View
 from cjt_gym.joint.kernel.arrays import Floats
 
 BOTH_WAYS = 0.02
-"""Least share of the moving samples in the rarer direction."""
+"""Least share of the moving samples in the rarer direction, and of the way."""
 FEWEST_COUNTS = 10.0
 """Least travel in each direction, in counts."""
 INERTIA = 1.0
@@ -49,14 +49,19 @@ SPREAD = "Record slow and fast motion: ramps from rest to full speed in both dir
 
 def two_ways(view: View) -> bool:
     """Return whether the motor moves far enough in both directions."""
-    up, down = view.both_ways
     count = view.angle_noise(view.motor_angle) if view.motor_angle else 0.0
-    return min(up, down) >= BOTH_WAYS and min(view.travel) > FEWEST_COUNTS * count
+    return _rarer(view) >= BOTH_WAYS and min(view.travel) > FEWEST_COUNTS * count
+
+
+def _rarer(view: View) -> float:
+    """Return the share of the motion in the rarer direction, of its samples or its way."""
+    way = sum(view.travel)
+    return min(*view.both_ways, min(view.travel) / way if way else 0.0)
 
 
 def one_way(view: View) -> str:
     """Return a clause on motion in one direction."""
-    share = percent(max(view.both_ways))
+    share = percent(1.0 - _rarer(view))
     way = "positive" if view.both_ways[0] > view.both_ways[1] else "negative"
     return f"{share} of the motion is in the {way} direction"
 

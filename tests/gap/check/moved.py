@@ -16,6 +16,7 @@ INERTIA, DAMPING, FRICTION, K_T = 0.01, 0.05, 0.2, 0.1
 NOISE = {"q_m": 1e-5, "i": 0.02}
 BOTH = "both ways, at many speeds"
 ONE = "one way"
+CREEP = "one way, but for creeping back now and then"
 CONSTANT = "both ways, at one speed"
 QUICK = "both ways, with quick swings"
 
@@ -41,6 +42,8 @@ def speed(kind: str, seconds: float) -> Floats:
     if kind == QUICK:
         return np.asarray(np.sin(5.0 * t) + 0.8 * np.sin(47.0 * t + 1.0) + 0.5 * np.sin(101.0 * t))
     swing = np.sin(1.3 * t) + 0.8 * np.sin(4.1 * t + 1.0) + 0.4 * np.sin(11.0 * t)
+    if kind == CREEP:
+        return np.where(np.mod(t, 2.0) > 1.84, -0.1, 3.0 + swing)
     return np.asarray(swing if kind == BOTH else 3.0 + swing)
 
 

@@ -18,7 +18,7 @@ from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import read_record
-from tests.gap.check.moved import BOTH, CONSTANT, FRICTION, ONE, columns, joint, record
+from tests.gap.check.moved import BOTH, CONSTANT, CREEP, FRICTION, ONE, columns, joint, record
 from tests.gap.simulator import nominal, simulate
 
 HELD = "output_fixed_rigid_gearbox"
@@ -45,8 +45,9 @@ def test_motion_both_ways_at_many_speeds_shows_inertia_and_all_friction() -> Non
     assert size < 0.2 * FRICTION
 
 
-def test_motion_one_way_shows_no_asymmetry_and_no_offset() -> None:
-    found = examine(record(columns(ONE)), joint(), None)
+@pytest.mark.parametrize("kind", [ONE, CREEP])
+def test_motion_one_way_shows_no_asymmetry_and_no_offset(kind: str) -> None:
+    found = examine(record(columns(kind)), joint(), None)
     assert {"coulomb_asym", "viscous_asym", "torque_offset"} <= set(reasons(found))
     assert "100 % of the motion is in the positive direction" in reasons(found)["coulomb_asym"]
     assert {"inertia", "damping"} <= set(found.can_tell)
