@@ -58,6 +58,28 @@ def test_what_looks_like_an_effect_is_told_and_the_effect_not_confirmed(
     assert said in found.doubt
 
 
+@pytest.mark.parametrize(
+    ("name", "symbol", "low", "high", "status"),
+    [
+        ("damping", "d_m", 0.0, 92.0, "tentative"),
+        ("damping", "d_m", 30.0, 92.0, "confirmed"),
+        ("torque_offset", "torque", -2.0, 0.5, "tentative"),
+        ("torque_gain", "gain", 0.9, 1.1, "tentative"),
+        ("torque_gain", "gain", 0.8, 0.9, "confirmed"),
+    ],
+)
+def test_what_may_not_be_there_is_not_confirmed(
+    told: Diagnosis, name: str, symbol: str, low: float, high: float, status: str
+) -> None:
+    size = {symbol: Interval(0.5 * (low + high), low, high, "-")}
+    effect = NamedEffect(name, "motor", "motor", None, size, "confirmed", 0.99, 0.9)
+    joint = replace(told.joint, parameters=told.joint.parameters.replace(d_m=0.0))
+    given = replace(told, effects=(effect,), joint=joint)
+    (one,) = allowed_by(given, {}).effects
+    assert one.status == status
+    assert ("its absence" in one.doubt) == (status == "tentative")
+
+
 @pytest.mark.parametrize(("high", "status"), [(0.3, "confirmed"), (3.0, "tentative")])
 def test_friction_that_falls_over_no_certain_speed_is_not_confirmed(
     told: Diagnosis, high: float, status: str

@@ -135,6 +135,17 @@ class _View:
         return cls(travel, turns, one_way, exam.smallest, stated)
 
 
+def _may_be_nothing(effect: NamedEffect, view: _View) -> bool:
+    """Return whether the intervals of all sizes of an effect include that it is not there."""
+    row, sizes = EFFECTS[effect.name], []
+    for number in row.parameters:
+        found = effect.parameters.get(number.symbol)
+        if found is not None and number.symbol in row.size:
+            none = view.stated.get(number.symbol, 0.0) if number.replaces else number.neutral or 0.0
+            sizes.append(found.low <= none <= found.high)
+    return bool(sizes) and all(sizes)
+
+
 def _falls_to_nothing(effect: NamedEffect, _: _View) -> bool:
     """Return whether Stribeck friction may vanish at speed, which dry friction does not."""
     levels = [one for symbol, one in effect.parameters.items() if symbol.startswith("d_c")]
@@ -202,6 +213,7 @@ def _is_far_off(effect: NamedEffect, view: _View) -> bool:
 
 
 MIMICKED: tuple[tuple[Callable[[NamedEffect, _View], bool], str, tuple[str, ...]], ...] = (
+    (_may_be_nothing, "its interval includes its absence", ()),
     (_is_one_sided, "an offset beside equal friction looks alike", ("coulomb", "torque_offset")),
     (_is_vague, "its frequency stays open", ()),
     (_is_of_friction, "in one direction friction that changes with the angle looks alike", ()),
