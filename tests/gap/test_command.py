@@ -184,7 +184,7 @@ def broken(place: Path) -> None:
     change(place, "no_drive.csv", i=None, i_cmd=None)
     nothing = np.full(length, np.nan)
     change(place, "nothing_there.csv", q_m=nothing, q_l=nothing, tau=nothing)
-    write_record(simulate(seconds=0.05), place / "short.csv")
+    write_record(simulate(seconds=0.04), place / "short.csv")
     (place / "empty.csv").write_text("", encoding="utf-8")
     (place / "foreign.csv").write_text("a,b\n1,2\n", encoding="utf-8")
     (place / "words.csv").write_text("t,q_m\n0,one\n", encoding="utf-8")

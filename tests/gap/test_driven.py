@@ -86,7 +86,7 @@ def test_a_piece_without_any_current_is_judged_by_its_log() -> None:
     assert first is pieces[0]
     assert not is_left(second)
     with pytest.raises(RecordError, match="something other than the motor drives the joint"):
-        diagnose(record.slice(9_950), datasheet(1.0), "rigid")
+        diagnose(record.slice(9_960), datasheet(1.0), "rigid")
 
 
 def test_a_measured_current_may_be_noisy_while_its_command_is_off() -> None:

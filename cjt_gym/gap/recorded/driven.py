@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cjt_gym.gap.recorded.series import SHORTEST as FEWEST
+from cjt_gym.gap.recorded.series import SHORTEST
 from cjt_gym.joint import Structure
 from cjt_gym.records import Record
 
@@ -25,7 +25,7 @@ INPUTS = ("i_cmd", "tau_cmd", "i", "tau_m")
 OFF, NOISY = 1e-3, 0.1
 """Largest input of a motor that is off, relative to the largest of all records, and largest mean of
 a measured current over `OVER`, which may be noisy, beside a command that is off."""
-SHORTEST, OVER = 0.5, 0.1
+BRIEFEST, OVER = 0.5, 0.1
 """Shortest stretch, and time over which its speeds are averaged [s]."""
 FURTHER = 2.0 * np.pi
 """Travel from which no weight explains that the joint speeds up [rad]."""
@@ -71,7 +71,8 @@ def driven_only(
 
 def is_left(record: Record) -> bool:
     """Return whether something is left of a record without what others move."""
-    return any(np.isfinite(record[name]).sum() >= FEWEST for name in record.columns if name != "t")
+    names = (name for name in record.columns if name != "t")
+    return any(np.isfinite(record[name]).sum() >= SHORTEST for name in names)
 
 
 def _moved_by_others(
@@ -110,7 +111,7 @@ def _is_off(inputs: Mapping[str, Floats], largest: Mapping[str, float], dt: floa
 
 def _speeds_up(t: Floats, q: Floats, least: float) -> bool:
     """Return whether a stretch of motion gains speed over more than a revolution."""
-    if t[-1] - t[0] < SHORTEST or np.ptp(q) < FURTHER:
+    if t[-1] - t[0] < BRIEFEST or np.ptp(q) < FURTHER:
         return False
     at = np.linspace(t[0], t[-1], int((t[-1] - t[0]) / OVER) + 1)
     speed = np.abs(np.diff(np.interp(at, t, q)) / np.diff(at))

@@ -180,7 +180,7 @@ def _unbroken(record: Record) -> list[Record]:
     """Return the stretches without a gap in which every channel of the record was measured."""
     t, edges = record.t, {0, len(record)}
     known = [np.isfinite(record[name]) for name in USED if name in record]
-    known = [there for there in known if there.sum() > SHORTEST // 2]
+    known = [there for there in known if there.sum() >= SHORTEST]
     for there in map(np.flatnonzero, known):
         edges |= {int(there[0]), int(there[-1]) + 1}
         steps = np.diff(t[there])
@@ -212,7 +212,7 @@ def to_series(
     """
     columns = {name: record[name] for name in USED if name in record}
     _add_commands(columns, record, joint)
-    columns = {name: x for name, x in columns.items() if np.isfinite(x).sum() > SHORTEST // 2}
+    columns = {name: x for name, x in columns.items() if np.isfinite(x).sum() >= SHORTEST}
     derived = _add_motor_angle(columns, record, joint, structure)
     _check(record, columns)
     t, dt = record.t, float(np.median(np.diff(record.t)))
@@ -309,7 +309,7 @@ def _add_motor_angle(
             columns["q_m"] = columns[f"q_{body}"]
             return frozenset()
     for name in (f"dq_{body}" for body in moving):
-        if name in record and np.isfinite(record[name]).sum() > SHORTEST // 2:
+        if name in record and np.isfinite(record[name]).sum() >= SHORTEST:
             columns["q_m"] = _integral(record[name], record.t)
             return frozenset()
     p = joint.parameters
@@ -335,7 +335,7 @@ def compliance(joint: JointFile, structure: Structure) -> float:
 def _filled(record: Record) -> str:
     """Return the names of columns with values, and of those with too few how many."""
     count = {name: int(np.isfinite(record[name]).sum()) for name in record.columns}
-    few = {name: f" ({n} samples, too few)" for name, n in count.items() if n <= SHORTEST // 2}
+    few = {name: f" ({n} samples, too few)" for name, n in count.items() if n < SHORTEST}
     return ", ".join(f"{name}{few.get(name, '')}" for name, n in count.items() if n)
 
 
