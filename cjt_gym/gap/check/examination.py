@@ -30,6 +30,7 @@ class Examination:
         channels: Properties of each channel.
         notes: Remarks on the log that are not faults, a sentence each.
         at_rest: Whether nothing moves by more than its noise.
+        back: Share of the moving samples that go the rarer way.
     """
 
     can_tell: tuple[str, ...]
@@ -40,6 +41,7 @@ class Examination:
     channels: Mapping[str, Channel]
     notes: tuple[str, ...] = ()
     at_rest: bool = False
+    back: float = 0.0
 
     def to_dict(self) -> dict[str, object]:
         """Return the contents of ``record`` in `diagnosis.json`."""

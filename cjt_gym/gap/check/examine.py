@@ -113,6 +113,7 @@ def examine(
         channels=view.channels,
         notes=known,
         at_rest=view.at_rest,
+        back=min(view.both_ways),
     )
 
 

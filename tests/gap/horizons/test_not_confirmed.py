@@ -12,6 +12,7 @@ from cjt_gym.gap.check.faults import FACTOR, ONE_INSTANT, SCALES, SLOPES, UNITS
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.findings.naming import as_plain
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
+from cjt_gym.gap.horizons.torque.inverse import ONE_WAY
 from tests.gap.horizons.rotor import datasheet, record
 
 
@@ -78,6 +79,26 @@ def test_what_may_not_be_there_is_not_confirmed(
     (one,) = allowed_by(given, {}).effects
     assert one.status == status
     assert ("its absence" in one.doubt) == (status == "tentative")
+
+
+@pytest.mark.parametrize(("back", "status"), [(0.0, "confirmed"), (0.05, "tentative")])
+def test_damping_is_not_confirmed_where_one_way_motion_creeps_back(
+    told: Diagnosis, back: float, status: str
+) -> None:
+    """Dry friction turns round there, a weight that is taken for friction does not."""
+    sizes = {"damping": ("d_m", 0.2), "coulomb": ("d_cm", 1.0)}
+    effects = tuple(
+        NamedEffect(
+            name, "motor", "motor", None, {symbol: Interval(x, 0.9 * x, 1.1 * x, "-")},
+            "confirmed", 0.99, 0.5,
+        )
+        for name, (symbol, x) in sizes.items()
+    )  # fmt: skip
+    assert told.examination is not None
+    joint = replace(told.joint, parameters=told.joint.parameters.replace(d_m=0.0))
+    given = replace(told, effects=effects, examination=replace(told.examination, back=back))
+    found = allowed_by(replace(given, joint=joint), dict.fromkeys(ONE_WAY, "one way")).effects
+    assert {e.name: e.status for e in found} == {"damping": status, "coulomb": "tentative"}
 
 
 @pytest.mark.parametrize(("high", "status"), [(0.3, "confirmed"), (3.0, "tentative")])
