@@ -175,6 +175,7 @@ class Problem:
         moves: int = MOVES,
         known: dict[str, Floats] | None = None,
         tolerance: float = 0.1,
+        bends: bool = False,
     ) -> Fit:
         """Return the model fitted from the coordinates z.
 
@@ -184,6 +185,7 @@ class Problem:
             moves: Largest number of steps.
             known: Derivatives for the first numbers, from a similar fit, shape (N, some) by stage.
             tolerance: Gain in cost below which the fit ends.
+            bends: Whether a step that leaves a bending valley of the cost is led back into it.
         """
         z = z.copy()
         residuals = self.residuals(model, z)
@@ -195,7 +197,7 @@ class Problem:
         fresh, damping = known is None, 1e-3
         for _ in range(moves if z.size else 0):
             near = self._linearised(model, jacobian, ms)
-            gain, damping, step = self._search(near, z, residuals, cost, damping)
+            gain, damping, step = self._search(near, z, residuals, cost, damping, bends)
             if step is not None:
                 z, residuals, ms, cost = step
             small = step is None or gain < tolerance
@@ -206,7 +208,7 @@ class Problem:
         fitted = Fit(model, z, cost, ms, residuals, jacobian)
         return self._relaxed(fitted) if moves else fitted
 
-    def from_datasheet(self, fit: Fit, moves: int = MOVES, tolerance: float = 0.1) -> Fit:
+    def from_datasheet(self, fit: Fit, moves: int, tolerance: float) -> Fit:
         """Return the better one of a fit and one that starts where the datasheet is not strained.
 
         A datasheet value that an effect sets free may have strained others before it was free, and
@@ -214,7 +216,7 @@ class Problem:
         """
         known = len(self.shared)
         z = np.r_[np.zeros(known), fit.z[known:]]
-        other = self.fit(fit.model, z, moves, tolerance=tolerance)
+        other = self.fit(fit.model, z, moves, tolerance=tolerance, bends=True)
         costs = [self.cost(fit.model, one.mean_square, one.z, False) for one in (fit, other)]
         return other if costs[1] < costs[0] else fit
 
@@ -244,6 +246,7 @@ class Problem:
         residuals: dict[str, Floats],
         cost: float,
         damping: float,
+        bends: bool,
     ) -> tuple[float, float, tuple[Floats, dict[str, Floats], dict[str, float], float] | None]:
         hessian, gradient = near.hessian, near.gradient(residuals, z)
         diagonal = np.diag(hessian).copy()
@@ -253,8 +256,8 @@ class Problem:
             move = move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-12))
             new = self.bounded(near.model, z + move)
             there = self.residuals(near.model, new)
-            for back in (False, True):
-                if back:  # into a valley of the cost that bends
+            for back in (False, True) if bends else (False,):
+                if back:
                     move = -np.linalg.solve(matrix, near.gradient(there, new))
                     new = self.bounded(near.model, new + move)
                     there = self.residuals(near.model, new)
