@@ -35,11 +35,12 @@ class Dialogue:
     def __init__(self, link: Line, nodes: Nodes) -> None:
         self.link = link
         self._nodes = nodes
-        self._heard: set[int] = set()
+        self._heard: set[int] = set()  # identifiers of the frames that came during a step
 
     def perform(self, node: Node, steps: Iterable[Step]) -> None:
         """Carry out steps one by one; the node must confirm each within two attempts."""
         for step in steps:
+            self._heard.clear()
             if not (self._try(step) or step.optional or self._try(step)):
                 heard = ", ".join(f"{identifier:#x}" for identifier in sorted(self._heard))
                 raise HardwareError(

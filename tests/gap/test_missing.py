@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from cjt_gym.joint import get_structure
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
+from tests.gap.bench import joint_of, record_of
 from tests.gap.check.moved import DAMPING, columns
 from tests.gap.check.moved import joint as mass
 from tests.gap.check.moved import record as log
@@ -142,6 +144,18 @@ def test_a_record_may_begin_in_motion() -> None:
 
 
 @pytest.mark.slow
+def test_records_of_which_some_lack_the_current_are_explained_together(tmp_path: Path) -> None:
+    """Their drive repeats its command, which is no measurement, in some of them only."""
+    true = joint_of(tmp_path, effects={"coulomb": {"d_cm": 4.0}})
+    whole = record_of(true, 6000)
+    kept = {name: x for name, x in whole.columns.items() if name != "i"}
+    bare = Record(kept, {name: whole.units[name] for name in kept}, structure=whole.structure)
+    sheet = joint_of(tmp_path).file
+    found = diagnose([whole.slice(0, 3000), bare.slice(3000, None)], sheet, whole.structure)
+    assert [e.name for e in found.effects] == ["coulomb"]
+    assert found.effects[0].parameters["d_cm"].value == pytest.approx(4.0, rel=0.1)
+
+
 def test_records_with_zeros_of_their_own_are_explained_together() -> None:
     first, second = (simulate(3.0, seed, (2.0, 2.0)) for seed in (0, 1))
     moved = second.with_columns({"tau": second["tau"] + 0.1})

@@ -58,7 +58,7 @@ def test_a_lag_that_a_joint_has_without_a_name_is_told(tmp_path: Path) -> None:
     lag = {"bandwidth": Quantity(9.7, "Hz", "identified")}
     found = replace(sheet, effects={**sheet.effects, "current_lag": lag})
     (said,) = unnamed(sheet, found, ["coulomb"])
-    assert said.startswith("joint.toml has a current_lag of 9.7 Hz")
+    assert said.startswith("joint.toml contains current_lag (9.7 Hz)")
     assert unnamed(sheet, found, ["current_lag"]) == unnamed(found, found, []) == []
 
 

@@ -62,7 +62,7 @@ def unlisted(file: JointFile, found: JointFile, named: Collection[str]) -> list[
 
 
 def unnamed(file: JointFile, found: JointFile, named: Collection[str]) -> list[str]:
-    """Return a remark on each effect of the drive that a joint has only as it predicts better so.
+    """Return a remark on each effect of the drive that a joint has without a name.
 
     Args:
         file: The datasheet.
@@ -70,13 +70,13 @@ def unnamed(file: JointFile, found: JointFile, named: Collection[str]) -> list[s
         named: Names of the effects that a diagnosis tells.
     """
     said = []
-    for name in found.effects.keys() - file.effects.keys() - {*named}:
+    for name in sorted(found.effects.keys() - file.effects.keys() - {*named}):
         number = next((x for x in found.effects[name].values() if isinstance(x, Quantity)), None)
         if EFFECTS[name].stage == "drive" and number is not None:
             said.append(
-                f"joint.toml has a {name} of {number.number:.2g} {number.unit}, as the motion "
-                "follows its input best so: the log may hold the input early, or the sensors are "
-                "late. It is not named, as this record does not show whose it is."
+                f"joint.toml contains {name} ({number.number:.2g} {number.unit}), because the "
+                "motion is then predicted best: the log may hold the input early, or the sensors "
+                "may be late. It is not named, as this record does not show which."
             )
     return said
 

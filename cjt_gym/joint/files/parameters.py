@@ -264,7 +264,7 @@ def _check_motor(quantities: Mapping[str, Quantity], origin: str) -> None:
         raise ParameterError(
             f"n and k_t of {origin} must be those of one motor: n in {PER_METRE} with k_t in N m/A "
             f"(or N m/V) of a rotary one, or n in - with N/A (or N/V), got '{n}' with '{k_t}'. "
-            f"A screw or pinion has 2 pi rad over its travel a turn."
+            "For a screw or a pinion n is 2 pi rad over the travel per turn."
         )
 
 
