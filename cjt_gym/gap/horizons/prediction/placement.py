@@ -9,6 +9,7 @@ Each window then has a weight, so that means over the windows remain means over 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -57,12 +58,16 @@ def samples(horizon: float, dt: float) -> int:
     return max(SHORTEST, round(horizon / dt))
 
 
+@lru_cache(maxsize=256)  # every evaluation of a model asks for the same few
 def points(horizon: float, length: int, dt: float) -> Integers:
     """Return the samples of a window of some length that are evaluated at a horizon."""
     if horizon == WHOLE:
-        return np.unique(np.linspace(1, length - 1, min(length, LONG)).astype(int))
-    last = min(samples(horizon, dt), length) - 1
-    return np.unique(np.linspace(0, last, POINTS + 1).astype(int)[1:])
+        found = np.unique(np.linspace(1, length - 1, min(length, LONG)).astype(int))
+    else:
+        last = min(samples(horizon, dt), length) - 1
+        found = np.unique(np.linspace(0, last, POINTS + 1).astype(int)[1:])
+    found.flags.writeable = False
+    return found
 
 
 def stays(log: Log, channel: str, horizon: float, starts: Integers, at: Integers) -> Floats:

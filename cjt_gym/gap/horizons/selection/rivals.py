@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem
 from cjt_gym.gap.horizons.prediction.model import Term
 from cjt_gym.gap.horizons.selection.search_result import Found
-from cjt_gym.gap.horizons.selection.stepwise import beyond, extend, priced
+from cjt_gym.gap.horizons.selection.stepwise import FULL, beyond, fully, looked_at, priced
 from cjt_gym.gap.horizons.selection.worth import price
 from cjt_gym.joint.effects import PACKAGED
 
@@ -16,6 +16,8 @@ FIRST = "coulomb"
 ALIKE, ALIKE_PLAIN = 2.0, 12.0
 """Cost difference up to which two models fit alike, and up to which plain dry friction still rivals
 a law that refines it: a wrong input causes small differences between them."""
+FEW = 2
+"""Number of candidates, packaged ones included, that are fitted fully in the place of a term."""
 REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction", "damping")
 """Laws of friction that refine or replace the plain one."""
 
@@ -56,8 +58,9 @@ def _in_its_place(
     problem: Problem, less: Fit, term: Term, others: Sequence[Term]
 ) -> list[tuple[Fit, Term, bool]]:
     """Return fits with others in place of a term, each with a flag for plain dry friction."""
-    own = [t for t in others if t.name not in PACKAGED]
-    plain = [t for t in others if t.name == FIRST] if term.name in REFINED else []
-    looked = [*extend(problem, less, others, 2), *extend(problem, less, own)]
-    simple = extend(problem, less, plain, 1)
-    return [*((f, t, False) for f, t in looked), *((f, t, True) for f, t in simple)]
+    looked = looked_at(problem, less, others)
+    own = [pair for pair in looked if pair[1].name not in PACKAGED][:FULL]
+    plain = [pair for pair in looked if pair[1].name == FIRST] if term.name in REFINED else []
+    chosen = {id(fit): (fit, t) for fit, t in (*looked[:FEW], *own, *plain[:1])}
+    fitted = fully(problem, list(chosen.values()))
+    return [(fit, t, bool(plain) and t.name == FIRST) for fit, t in fitted]

@@ -95,12 +95,21 @@ def extend(
     problem: Problem, fit: Fit, terms: Sequence[Term], most: int = FULL
 ) -> list[tuple[Fit, Term]]:
     """Return the fits with one more term, best first."""
+    return fully(problem, looked_at(problem, fit, terms)[:most])
+
+
+def looked_at(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[Fit, Term]]:
+    """Return rough fits with one more term, best first."""
     rough = problem.rough
     here = rough.at(fit.model, fit.z)
     may = [t for t in terms if allowed(fit, t)]
     looked = zip(side_by_side(lambda t: quick(rough, here, t), may), may, strict=True)
-    best = sorted(((f, t) for f, t in looked if f is not None), key=lambda x: x[0].cost)
-    full = side_by_side(lambda x: (problem.fit(x[0].model, x[0].z), x[1]), best[:most])
+    return sorted(((f, t) for f, t in looked if f is not None), key=lambda x: x[0].cost)
+
+
+def fully(problem: Problem, rough: Sequence[tuple[Fit, Term]]) -> list[tuple[Fit, Term]]:
+    """Return rough fits with one more term fitted to all windows, best first."""
+    full = side_by_side(lambda x: (problem.fit(x[0].model, x[0].z), x[1]), rough)
     return sorted(full, key=lambda x: x[0].cost + price(x[1]))
 
 
