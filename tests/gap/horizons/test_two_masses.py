@@ -96,3 +96,42 @@ def test_motion_in_one_direction_confirms_no_friction_of_the_load(way: float) ->
     assert all(e.status == "tentative" for e in load) or way == 0.0
     if way == 0.0:
         assert load[0].parameters["d_cl"].value == pytest.approx(0.01, rel=0.2)
+
+
+WEIGHT = 0.5
+"""Weight that hangs from the upper disc [N m]."""
+
+
+def swings(start: float) -> Record:
+    """Return 10 s of swings over less than 0.4 rad, driven by a chirp from `start` [Hz]."""
+    q, dq, u, rows = np.zeros(2), np.zeros(2), 0.0, []
+    inertia = np.array([LOWER, UPPER])
+    for k in range(100_000):
+        t = k * FINE
+        if k % EVERY == 0:
+            u = 0.025 * float(np.sin(2.0 * np.pi * (start + 0.25 * t) * t))
+            rows.append((t, q[0], u, q[1]))
+        twist = SHAFT * (q[0] - q[1])
+        pull = np.array([u - twist, twist - WEIGHT * np.sin(q[1])]) - 2e-3 * dq
+        dq = dq + FINE * pull / inertia
+        q = q + FINE * dq
+    t, lower, torque, upper = np.array(rows).T
+    step = 2.0 * np.pi / 200_000
+    columns = {
+        "t": t, "q_m": step * np.round(lower / step), "tau_cmd": torque,
+        "q_l": step * np.round(upper / step),
+    }  # fmt: skip
+    units = {"t": "s", "q_m": "rad", "tau_cmd": "N m", "q_l": "rad"}
+    return Record(columns, units, structure=SHAPE.name)
+
+
+@pytest.mark.slow
+def test_a_weight_that_check_says_the_record_shows_is_named_over_a_small_angle() -> None:
+    """Its torque is not measured, and the regression of the motor's torque does not see it."""
+    record = swings(0.3)
+    assert np.ptp(record["q_l"]) < 0.4
+    found = diagnose(record, datasheet(), validate=swings(0.5))
+    assert "gravity" in found.examination.can_tell
+    (weight,) = (e for e in found.effects if e.name == "gravity")
+    assert weight.parameters["torque"].value == pytest.approx(WEIGHT, rel=0.1)
+    assert weight.status == "tentative"

@@ -20,6 +20,7 @@ from cjt_gym.gap.horizons.findings.as_diagnosis import horizons_of
 from cjt_gym.gap.horizons.findings.corrected_values import LATE, corrected, gave_way, left_tolerance
 from cjt_gym.gap.horizons.findings.found_joint import found_at
 from cjt_gym.gap.horizons.findings.held_output import held_alike
+from cjt_gym.gap.horizons.findings.misfit import widened
 from cjt_gym.gap.horizons.findings.naming import of_drive
 from cjt_gym.gap.horizons.findings.verdict import DRIFTLESS, main_row, unexplained_of
 from cjt_gym.gap.horizons.prediction.case import as_joint
@@ -69,6 +70,7 @@ def standing(first: Diagnosis, found: Judgement) -> Diagnosis:
     """Return the stages' diagnosis as far as the predictions of its joint, the answer, bear out."""
     first = replace(first, joint=replace(first.joint, found=found_at(found)))
     told = _held(_doubted(_cleared(first, found), found), found)
+    told = widened(told, found.misfit, _aside(told, found))
     told = with_drag(with_late_drive(told, found), found)
     told = _with_stated_value(told, found)
     strained = gave_way(found, told.effects)
@@ -157,11 +159,7 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     left = gap.after if far_off else min(main.found, gap.after)
     predictable = [row for row in found.rows if _is_predictable(row) and not found.cut]
     sound = better and not (worse or far_off or adrift) and left < LOUD
-    measured = found.case.logs[0].drive == "i"
-    aside = {
-        e.name for e in first.effects
-        if e.name in MEASURES or (measured and e.stage == "drive")
-    }  # fmt: skip
+    aside = _aside(first, found)
     unmoved = all(e.name in aside for e in first.effects) and main.found < NEAR
     unsure = all(e.name in aside or e.status == "tentative" for e in first.effects)
     mostly = gap.after > max(HALF * gap.before, FLOORS * gap.floor)
@@ -186,6 +184,17 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()
     told = replace(first.unexplained, share=min(left, 1.0), text=f"{said} {text}".strip())
     return replace(first, verdict="partly_explained", effects=effects, unexplained=told)
+
+
+def _aside(first: Diagnosis, found: Judgement) -> set[str]:
+    """Return the effects that do not change what is predicted.
+
+    These are effects of sensors, and those of a drive whose current was measured.
+    """
+    measured = found.case.logs[0].drive == "i"
+    return {
+        e.name for e in first.effects if e.name in MEASURES or (measured and e.stage == "drive")
+    }
 
 
 def _held(first: Diagnosis, found: Judgement) -> Diagnosis:

@@ -199,7 +199,8 @@ def _proposed(
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
     may = [t for t in may if t.key not in given]
     may += [cogging(seen["cogging"])] if "cogging" in seen else []
-    if "gravity" in seen and not any(t.name == "gravity" for t in may):
+    shown = "gravity" in seen or "gravity" not in excluded
+    if shown and not any(t.name == "gravity" for t in may):
         may.append(gravity(case.joint, scales))
     loose = freed(base.terms)
     weighed = any(t.name == "gravity" and t.restated for t in may)

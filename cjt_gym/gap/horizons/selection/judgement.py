@@ -86,7 +86,17 @@ class Judgement:
         """How certain the numbers of the search are, by all windows that determine them."""
         assert self.found is not None
         fit, fine = self.found.fit, Problem(self.case.fine, count=self.case.fit.count)
-        return spread_of(fine, replace(fit, errors=fine.errors(fit.model, fit.z)))
+        spread = spread_of(fine, replace(fit, errors=fine.errors(fit.model, fit.z)))
+        return replace(spread, matrix=spread.matrix * self.misfit**2)
+
+    @property
+    def misfit(self) -> float:
+        """The largest ratio of an error to what is unpredictable, Birge's ratio; at least one.
+
+        What a model lacks shifts its numbers. How far is not known, but hardly less than in
+        proportion to the errors that it leaves.
+        """
+        return max([1.0, *(row.found / row.floor for row in self.rows if row.floor)])
 
     @property
     def cut(self) -> bool:

@@ -1,0 +1,64 @@
+"""Intervals beside motion that a model leaves though it is predictable."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap.diagnosis import Diagnosis, Interval, NamedEffect
+from cjt_gym.gap.horizons.findings.misfit import widened
+from cjt_gym.gap.horizons.fitting.base_terms import base_terms
+from cjt_gym.gap.horizons.fitting.fit import Problem
+from cjt_gym.gap.horizons.fitting.terms import scales_of
+from cjt_gym.gap.horizons.prediction.case import make_case
+from cjt_gym.gap.horizons.prediction.model import Model
+from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
+from cjt_gym.gap.horizons.selection.search_result import Found
+from cjt_gym.joint import Quantity, get_structure
+from tests.gap.horizons.rotor import datasheet, record
+
+DRY = Interval(2.0, 1.9, 2.2, "N m")
+
+
+def _row(found: float, floor: float | None) -> Row:
+    return Row(0.1, "q_m", 1.0, None, found, floor, None)
+
+
+def test_the_worst_predicted_row_widens_the_intervals_of_a_fit() -> None:
+    case = make_case([record()], [], datasheet(1.0, tolerance=0.1), get_structure("rigid"))
+    problem = Problem(case.fit)
+    fit = problem.fit(Model(case.joint, base_terms(case.joint, scales_of(case.joint, case.logs))))
+    found = Found(fit, fit, (), (), ())
+
+    def half(*rows: Row) -> float:
+        judged = Judgement(case, "found", case.joint, rows, found, problem=problem)
+        return float(np.sqrt(judged.spread.matrix[0, 0]))
+
+    least = half()
+    assert least > 0.0
+    assert half(_row(0.1, None), _row(0.04, 0.08)) == pytest.approx(least)
+    assert half(_row(0.12, 0.1), _row(0.3, 0.1)) == pytest.approx(3.0 * least)
+
+
+@pytest.mark.parametrize("by", [1.0, 3.0, 50.0])
+def test_intervals_of_the_stages_widen_within_what_a_number_may_be(
+    explained: Diagnosis, by: float
+) -> None:
+    dry = NamedEffect("coulomb", "motor", "motor", None, {"d_cm": DRY}, "confirmed", 0.9, 1.0, ())
+    rounded = replace(dry, name="quantization", parameters={"resolution": DRY})
+    told = replace(explained, effects=(dry, rounded))
+    entry = Quantity(2.0, "N m", "test", low=1.9, high=2.2)
+    rows = {"coulomb": {"d_cm": entry}, "quantization": {"tau": entry}}
+    told = replace(told, joint=replace(told.joint, effects=rows))
+    wide = widened(told, by, {"quantization"})
+    one = wide.effects[0].parameters["d_cm"]
+    assert one.value == 2.0
+    assert one.low == pytest.approx(max(2.0 - 0.1 * by, 0.0), abs=1e-9)
+    assert one.high == pytest.approx(2.0 + 0.2 * by)
+    listed = wide.joint.effects["coulomb"]["d_cm"]
+    assert isinstance(listed, Quantity)
+    assert (listed.low, listed.high) == (one.low, one.high)
+    assert wide.effects[1] == rounded
+    assert wide.joint.effects["quantization"] == told.joint.effects["quantization"]
