@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, Key
 from cjt_gym.gap.horizons.selection.choice import (
@@ -12,8 +15,13 @@ from cjt_gym.gap.horizons.selection.choice import (
     WORSE_BY_CHANCE,
     _by_chance,
     _forgiven,
+    _hardly_listens,
     _of_the_start,
 )
+from cjt_gym.joint import Joint, JointFile, get_structure
+from cjt_gym.joint.configure import EffectValues
+from cjt_gym.records import Record
+from tests.gap.horizons.arm import held_record
 
 NEAR, MIDDLE, FAR = HORIZONS
 
@@ -48,3 +56,24 @@ def test_a_joint_far_better_beyond_the_shortest_horizon_may_be_worse_at_it() -> 
 def test_few_held_out_pieces_do_not_refuse_what_all_data_prefer_clearly() -> None:
     own, other = errors(0.70, 0.60, 0.20), errors(0.71, 0.75, 0.71)
     assert _by_chance(own, other) == {k: WORSE_BY_CHANCE for k in own if k[1] > NEAR}
+
+
+@pytest.mark.parametrize("channel", ["i", "i_cmd"])
+def test_a_limit_that_cuts_off_nearly_all_of_every_command_is_none(
+    arm: JointFile, channel: str
+) -> None:
+    """A held trajectory goes on at its speed, which a joint that hears nothing predicts as well."""
+    given = held_record(0)
+    columns = {"t": given.t, "q_m": given["q_m"], channel: given["i"]}
+    record = Record(columns, {"t": "s", "q_m": "rad", channel: "A"}, structure="rigid")
+    case = make_case([record], [], arm, get_structure("rigid"))
+    largest = float(abs(given["i"]).max())
+
+    def deaf(share: float, constant: float = 1.0) -> bool:
+        parameters = arm.parameters.replace(k_t=constant * arm.parameters.k_t)
+        limit: dict[str, EffectValues] = {"current_saturation": {"i_p": share * largest}}
+        file = replace(arm, parameters=parameters)
+        return _hardly_listens(case, Joint(file, "rigid", "current", limit))
+
+    assert [deaf(0.05), deaf(0.5)] == [channel == "i_cmd", False]
+    assert deaf(0.3, constant=0.3) is (channel == "i_cmd")

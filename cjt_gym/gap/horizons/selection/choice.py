@@ -35,6 +35,10 @@ SAME = 1.0
 MISS = 1.25
 """Ratio to the datasheet's relative error above which the stages of a cut joint are rejected: they
 fit the offsets and delays of each record, which its joint does not contain."""
+HEARD = 0.25
+"""Share of the torque of its commands below which a joint hardly listens to them. Its motion at the
+measured speed may be as good a prediction as any where a controller tracks a trajectory; no drive
+is so weak."""
 CLEARLY = 0.4
 """Logarithm of the mean square by which a search must beat the stages of a cut joint."""
 
@@ -44,7 +48,11 @@ def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) 
     errors = {name: case.test.errors(joint) for name, joint in joints.items()}
     costs = {name: cost_of(case, test, joint) for name, joint in joints.items()}
     sound = [n for n in joints if is_no_worse(case, joints, n)]
-    if "stages" in joints and not case.cut and _deaf(case, errors["stages"]):
+    if (
+        "stages" in joints
+        and not case.cut
+        and (_deaf(case, errors["stages"]) or _hardly_listens(case, joints["stages"]))
+    ):
         joints = {n: joint for n, joint in joints.items() if n != "stages"}
         sound = [n for n in sound if n != "stages"]
     vague = has_vague_friction(case.joint)
@@ -186,3 +194,14 @@ def _is_own(found: Joint | None, nominal: Joint) -> bool:
 def _deaf(case: Case, errors: Sequence[Floats]) -> bool:
     """Return whether a joint hardly predicts its angle over the longest horizon."""
     return relative(case.test, errors).get(("q_m", max(HORIZONS)), 0.0) > LOUD
+
+
+def _hardly_listens(case: Case, joint: Joint) -> bool:
+    """Return whether a limit of the current, or its torque constant, leaves little of a torque."""
+    log = case.logs[0]
+    if log.drive != "i_cmd" or "current_saturation" not in joint.effects:
+        return False
+    command = np.concatenate([one.command[one.whole] for one in case.logs])
+    limit = float(joint.effects["current_saturation"]["i_p"])  # type: ignore[arg-type]
+    left = float(np.std(np.clip(command, -limit, limit))) / max(float(np.std(command)), 1e-300)
+    return left * joint.parameters.k_t < HEARD * case.joint.parameters.k_t
