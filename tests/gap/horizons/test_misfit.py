@@ -19,7 +19,7 @@ from cjt_gym.gap.horizons.selection.search_result import Found
 from cjt_gym.joint import Quantity, get_structure
 from tests.gap.horizons.rotor import datasheet, record
 
-DRY = Interval(2.0, 1.9, 2.2, "N m")
+DRY = Interval(2.0, 1.9, 2.1, "N m")
 
 
 def _row(found: float, floor: float | None) -> Row:
@@ -49,16 +49,25 @@ def test_intervals_of_the_stages_widen_within_what_a_number_may_be(
     dry = NamedEffect("coulomb", "motor", "motor", None, {"d_cm": DRY}, "confirmed", 0.9, 1.0, ())
     rounded = replace(dry, name="quantization", parameters={"resolution": DRY})
     told = replace(explained, effects=(dry, rounded))
-    entry = Quantity(2.0, "N m", "test", low=1.9, high=2.2)
+    entry = Quantity(2.0, "N m", "test", low=1.9, high=2.1)
     rows = {"coulomb": {"d_cm": entry}, "quantization": {"tau": entry}}
     told = replace(told, joint=replace(told.joint, effects=rows))
     wide = widened(told, by, {"quantization"})
     one = wide.effects[0].parameters["d_cm"]
     assert one.value == 2.0
     assert one.low == pytest.approx(max(2.0 - 0.1 * by, 0.0), abs=1e-9)
-    assert one.high == pytest.approx(2.0 + 0.2 * by)
+    assert one.high == pytest.approx(2.0 + 0.1 * by)
     listed = wide.joint.effects["coulomb"]["d_cm"]
     assert isinstance(listed, Quantity)
     assert (listed.low, listed.high) == (one.low, one.high)
     assert wide.effects[1] == rounded
     assert wide.joint.effects["quantization"] == told.joint.effects["quantization"]
+
+
+@pytest.mark.parametrize("by", [1.0, 3.0])
+def test_a_number_known_to_a_factor_stays_above_zero(explained: Diagnosis, by: float) -> None:
+    vague = Interval(2.0, 0.2, 20.0, "N m")
+    dry = NamedEffect("coulomb", "motor", "motor", None, {"d_cm": vague}, "confirmed", 0.9, 1.0, ())
+    wide = widened(replace(explained, effects=(dry,)), by, ())
+    one = wide.effects[0].parameters["d_cm"]
+    assert (one.low, one.high) == pytest.approx((2.0 * 0.1**by, 2.0 * 10.0**by))

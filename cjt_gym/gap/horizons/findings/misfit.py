@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
@@ -48,9 +49,16 @@ def _entry(effect: str, symbol: str, entry: Entry, by: float) -> Entry:
 
 
 def _wider(effect: str, symbol: str, one: Interval, by: float) -> Interval:
-    """Return an interval wider by a factor, within what the number may be."""
+    """Return an interval wider by a factor, within what the number may be.
+
+    One with ends at the same ratio from the value, not at the same distance, stays so.
+    """
     parameter = EFFECTS[effect].parameter(symbol)
     ends = [one.value + by * (end - one.value) for end in (one.low, one.high)]
+    if one.low > 0.0:
+        down, up = math.log(one.value / one.low), math.log(one.high / one.value)
+        if abs(up - down) < abs(one.high + one.low - 2.0 * one.value) / one.value:
+            ends = [one.value * math.exp(-by * down), one.value * math.exp(by * up)]
     if parameter is not None:
         least, strict, most = EFFECTS[effect].domain(parameter)
         least += LEAST if strict else 0.0
