@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,8 @@ from cjt_gym.joint.kernel.arrays import Floats
 BLOCKS = 40
 NORMAL = 1.96
 TENFOLD = 10.0
-"""Ratio of the ends of an interval above which a record leaves a value open."""
+"""Ratio of the ends of an interval above which a record leaves a value open, and the largest factor
+to which a guess leaves the scale of all torques open."""
 INFLATION = 2.0
 """Factor for model error, which the covariance of a fit cannot account for."""
 EXACT, EXACT_SHAPE = 0.0025, 0.025
@@ -24,6 +25,12 @@ EXACT, EXACT_SHAPE = 0.0025, 0.025
 number on a logarithmic scale that only shapes a law near its bend. Chosen with `INFLATION` for
 nominal coverage of the intervals of blind cases (`benchmarks/calibrate.py`).
 """
+
+MOSTLY = 2.0
+"""Ratio of an interval's width to that beside a known scale of all torques from which it is mostly
+that scale that is open."""
+TORQUES = ("k_t", "r")
+"""Datasheet values that all torques scale with."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +73,16 @@ def effect_intervals(
     """Return the numbers of one effect of a fit with their 95 % intervals."""
     effects, at = fit.model.effects, problem.span(fit.model, index).start
     slides = problem.stages.setting.joint.parameters.axis == "prismatic"
-    out = {}
+    scales = [j for j, n in enumerate(problem.shared) if n.field in TORQUES]
+    alone, out = beside(spread.matrix, scales), {}
     for k, unknown in enumerate(effects[index].unknowns):
         z = fit.z[at + k]
         value = unknown.value(z)
         std = max(spread.std(at + k), _least(unknown, value))
         ends = sorted((unknown.value(z - NORMAL * std), unknown.value(z + NORMAL * std)))
+        half, own = (NORMAL * float(x) * unknown.scale for x in (std, alone[at + k]))
+        if not unknown.log and is_there(value, half, own):
+            ends = known_to_a_factor(value, half)
         unit = along(unknown.unit) if slides else unknown.unit
         out[unknown.symbol] = Interval(value, ends[0], ends[1], unit)
     released = effects[index].releases
@@ -80,6 +91,32 @@ def effect_intervals(
     if effects[index].name == "command_delay":
         out["delay"] = _whole_delay(problem, fit, out["delay"])
     return out
+
+
+def beside(matrix: Floats, known: Sequence[int]) -> Floats:
+    """Return the standard deviations of coordinates if some of them were known, shape (p,)."""
+    told = matrix[:, known] @ np.linalg.pinv(matrix[np.ix_(known, known)]) @ matrix[known, :]
+    return np.sqrt(np.maximum(np.diag(matrix - told), 0.0))
+
+
+def is_there(value: float, half: float, own: float) -> bool:
+    """Return whether only the scale of all torques leaves open how large a number is.
+
+    Args:
+        value: The number.
+        half: Half the width of its interval.
+        own: The same if that scale were known.
+    """
+    return value > own and half > MOSTLY * own
+
+
+def known_to_a_factor(value: float, half: float) -> list[float]:
+    """Return the ends of an interval about a positive value, of that half width, as ratios.
+
+    That of a guess is known to a factor of ten.
+    """
+    ratio = min(float(np.exp(half / value)), TENFOLD)
+    return [value / ratio, value * ratio]
 
 
 def along(unit: str) -> str:

@@ -29,7 +29,8 @@ SCALES = Scales(torque=1.0, speed=1.0, peak=2.0, travel=3.0)
 def scatter(terms: Any, z: list[float], matrix: Any) -> Scatter:
     model = Model(Joint(datasheet(), "rigid", "current", {}), tuple(terms))
     fit: Any = SimpleNamespace(model=model, z=np.array(z))
-    return Scatter.of(Spread(fit, np.asarray(matrix, dtype=float), 2.0))
+    matrix = np.asarray(matrix, dtype=float)
+    return Scatter.of(Spread(fit, matrix, 2.0, np.sqrt(np.diag(matrix))))
 
 
 def test_a_number_that_is_fitted_as_a_difference_gets_the_interval_of_its_own() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from cjt_gym.gap.horizons.fitting.datasheet import inertias_at
 from cjt_gym.gap.horizons.fitting.fit import LEAST, Fit, Problem, bounded
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
+from cjt_gym.gap.stages.intervals import beside, is_there, known_to_a_factor
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.files.effect_entries import unit_on
 
@@ -38,11 +39,17 @@ class Spread:
         fit: The fit.
         matrix: Covariance, shape (n, n).
         factor: Half width of an interval, in standard deviations.
+        alone: Standard deviations if the scale of all torques were known, shape (n,).
     """
 
     fit: Fit
     matrix: Floats
     factor: float
+    alone: Floats
+
+    def wider(self, by: float) -> Spread:
+        """Return a spread that is wider by a factor."""
+        return replace(self, matrix=self.matrix * by**2, alone=self.alone * by)
 
     @property
     def model(self) -> Model:
@@ -58,6 +65,10 @@ class Spread:
             z = float(self.fit.z[at])
             ends = sorted(self.stated(term, number.value(z + s * half)) for s in (-1.0, 1.0))
             value = self.stated(term, number.value(z))
+            own = self.factor * float(self.alone[at])
+            if number.unit in SCALED and not number.log:
+                wide, narrow = (x * number.scale for x in (half, own))
+                ends = known_to_a_factor(value, wide) if is_there(value, wide, narrow) else ends
             found[number.symbol] = Interval(value, ends[0], ends[1], self._unit(term, number))
         return found
 
@@ -101,9 +112,11 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     inverse = np.linalg.pinv(hessian)
     factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
     matrix, logs = inverse @ middle @ inverse, problem.windows.logs
+    scales = [k for k, n in enumerate(fit.model.numbers) if n.symbol == "k_t"]
+    alone = beside(matrix, scales)
     if not any("tau" in log.measured or np.any(log.load) for log in logs):
         matrix += _of_scale(fit, voltage=logs[0].voltage)
-    return Spread(fit, matrix, factor)
+    return Spread(fit, matrix, factor, alone)
 
 
 def _of_scale(fit: Fit, *, voltage: bool) -> Floats:

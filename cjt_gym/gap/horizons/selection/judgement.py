@@ -87,7 +87,7 @@ class Judgement:
         assert self.found is not None
         fit, fine = self.found.fit, Problem(self.case.fine, count=self.case.fit.count)
         spread = spread_of(fine, replace(fit, errors=fine.errors(fit.model, fit.z)))
-        return replace(spread, matrix=spread.matrix * self.misfit**2)
+        return spread.wider(self.misfit)
 
     @property
     def misfit(self) -> float:
