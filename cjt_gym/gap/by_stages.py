@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.candidates.nuisances import FRICTION
+from cjt_gym.gap.candidates.nuisances import FRICTION, WEIGHT
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     TOO_FAR_OFF,
@@ -28,11 +28,13 @@ from cjt_gym.gap.judged.gap_size import HARM, measure_gap
 from cjt_gym.gap.judged.naming import doubted, name_effects
 from cjt_gym.gap.judged.refine import settled
 from cjt_gym.gap.judged.replay import Written, steps, written
+from cjt_gym.gap.judged.together import together, with_scale_of_torques
 from cjt_gym.gap.next_record.suggest import cautious, suggest
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.missing import not_judged, undamped
 from cjt_gym.gap.recorded.series import ENOUGH, Stretch
 from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
+from cjt_gym.gap.recorded.tolerances import common_deviation
 from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
 from cjt_gym.gap.stages.explain import Explanation, explain
@@ -182,7 +184,10 @@ def _report(
 ) -> tuple[Diagnosis, Ask]:
     problem = found.problem
     spread = covariance(problem, found.fit)
+    setting = problem.stages.setting
+    common = common_deviation(setting.joint, cut=setting.cut_at_spring)
     named = name_effects(found, spread, settings if held_out else ())
+    named = tuple(with_scale_of_torques(effect, common) for effect in named)
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within.fields) for n in problem.stages.names}
     before = problem.stages.first(all_before)
@@ -195,7 +200,6 @@ def _report(
     fit = found.fit if explains else found.base
     if refined:
         fit = settled(problem, fit, spread if explains else covariance(problem, fit))
-    setting = problem.stages.setting
     nominal = Written(_nominal_fields(problem, found.base.z), setting.joint)
     told = _refined(found, fit, spread) if refined else {}
     shown = [effect for effect in named if effect.name not in MEASURES]
@@ -232,6 +236,9 @@ def _report(
         return cautious(said, problem.stages, held_out)
 
     fields = problem.fields(fit.model, fit.z)
+    joint = identified_joint(setting, fields, named, told, record)
+    if explains:
+        joint = replace(joint, found=together(problem, fit, spread, joint, named, told))
     diagnosis = Diagnosis(
         verdict=verdict(len(named), left),
         stages=stages,
@@ -242,7 +249,7 @@ def _report(
         suggestion=Suggestion(""),
         seconds=0.0,
         evidence=drawn,
-        joint=identified_joint(setting, fields, named, told, record),
+        joint=joint,
     )
     return diagnosis, ask
 
@@ -256,7 +263,7 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
     told = {}
     for k, n in enumerate(shared):
         deviation = spread.std(k)
-        given = n.field in (*known, *FRICTION, "lag") and n.field not in released
+        given = n.field in (*known, *FRICTION, *WEIGHT, "lag") and n.field not in released
         if given and n.unknown.log and (deviation < KNOWN or abs(fit.z[k]) > MOVED):
             for field in (n.field, *n.along):
                 told[field] = (rounded(fields[field]), rounded(n.unknown.scale * deviation))
@@ -266,7 +273,8 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
 def _within_tolerance(found: Explanation) -> Written:
     """Return the nominal joint with its values limited to their tolerances."""
     problem = found.problem
-    known = {*problem.stages.setting.joint.parameters.quantities, *FRICTION, "tau_0", "i_0"}
+    known = {*problem.stages.setting.joint.parameters.quantities, *FRICTION, *WEIGHT}
+    known |= {"tau_0", "i_0"}
     limited = [n.field in known for n in problem.shared]
     z = found.base.z.copy()
     z[limited] = np.clip(z[limited], -WITHIN, WITHIN)

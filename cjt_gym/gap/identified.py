@@ -11,10 +11,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from cjt_gym.gap.candidates.nuisances import FRICTION
+from cjt_gym.gap.candidates.nuisances import FRICTION, WEIGHT
 from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.recorded.tolerances import OF_TORQUE, common_deviation
 from cjt_gym.gap.stages.as_rows import ROWS, Found, Number, in_symbols
 from cjt_gym.joint import EFFECTS, Effect, JointFile
 from cjt_gym.joint.effects import body_of
@@ -26,8 +27,6 @@ ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
 TOLERATED = 3.0
 """Number of tolerances up to which a refined value is said to lie within its tolerance."""
 OF_SENSORS = ("noise", "quantization")
-OF_TORQUE = ("k_t", "k_b", "k_g", "I_", "d_")
-"""Beginnings of the symbols of values that scale with the torque."""
 IDENTIFIED = "_identified"
 Refined = Mapping[str, tuple[float, float]]
 Table = dict[str, dict[str, Entry]]
@@ -66,8 +65,12 @@ def identified_joint(
         _refine_lag(table, *refined["lag"], source)
     if "coulomb" not in {effect.name for effect in named}:
         _refine_friction(table, refined, source)
+    if "gravity" not in {effect.name for effect in named}:
+        _refine_weight(
+            table, refined, source, common_deviation(setting.joint, cut=setting.cut_at_spring)
+        )
     p = joint.parameters
-    common = _common_deviation(p.quantities) if setting.cut_at_spring else 0.0
+    common = common_deviation(setting.joint, cut=setting.cut_at_spring)
     known = {
         symbol: (value, rounded(math.hypot(own, common)) if symbol.startswith(OF_TORQUE) else own)
         for symbol, (value, own) in refined.items()
@@ -180,20 +183,6 @@ def with_sensors(joint: JointFile, named: Sequence[NamedEffect], record: str) ->
 
 
 # ---- datasheet values
-def _common_deviation(quantities: Mapping[str, Quantity]) -> float:
-    """Return the relative deviation of what a torque sensor of unknown scale leaves open.
-
-    If it reads too much, all values that a torque is a part of are found too large by one factor,
-    which no record shows: the tolerances of the datasheet alone limit it.
-    """
-    known = [
-        q.tolerance
-        for symbol, q in quantities.items()
-        if symbol.startswith(OF_TORQUE) and q.tolerance and not q.guess
-    ]
-    return 1.0 / math.sqrt(sum(x**-2 for x in known)) if known else 0.0
-
-
 def _refined(
     quantities: Mapping[str, Quantity], refined: Refined, source: str
 ) -> dict[str, Quantity]:
@@ -235,6 +224,29 @@ def _refine_friction(table: Table, refined: Refined, source: str) -> None:
             table["coulomb"][symbol] = replace(
                 old, value=value, source=text, tolerance=rounded(deviation)
             )
+
+
+def _refine_weight(table: Table, refined: Refined, source: str, common: float) -> None:
+    """Set the size of a listed weight to the fitted one.
+
+    Args:
+        table: The effects of the joint.
+        refined: Fitted values, each with its relative deviation.
+        source: What a source begins with.
+        common: Relative deviation of the scale of all torques.
+    """
+    old = table.get("gravity", {}).get("torque")
+    if isinstance(old, Quantity) and refined.keys() >= set(WEIGHT):
+        (a, deviation), (b, _) = (refined[name] for name in WEIGHT)
+        how = "corrected from the guess of" if old.guess else "refined from"
+        text, size = (
+            f"{how} {old.number:.6g}, {source}",
+            math.copysign(math.hypot(a, b), old.number),
+        )
+        table["gravity"]["torque"] = replace(
+            old, value=rounded(size), source=text, guess=False,
+            tolerance=rounded(math.hypot(min(deviation, WIDEST), common)),
+        )  # fmt: skip
 
 
 def rounded(x: float) -> float:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import copysign, exp, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.joint import JointFile, Quantity
+from cjt_gym.gap.recorded.tolerances import common_deviation
+from cjt_gym.joint import JointFile, Quantity, load_joint, to_toml
+from cjt_gym.joint.files.diagnosed import covariance_of
 from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.plant.randomization.together import found_together
 from cjt_gym.records import Record
 
 MOTOR, LOAD, BAR, K_T, N = 0.92, 0.6, 1500.0, 0.068, 100.0
@@ -66,11 +70,12 @@ def joint_record(seed: int, size: float) -> Record:
     return Record(columns, units, structure="rigid_gearbox")
 
 
-def datasheet(*, noise: bool) -> JointFile:
+def datasheet(*, noise: bool, weight: Quantity | None = None) -> JointFile:
     """Return the joint's datasheet.
 
     Args:
         noise: Whether it states the noise of the measured current.
+        weight: The weight that it lists, if it does.
     """
     values = {
         "n": (N, "-", None), "k_t": (K_T, "N m/A", 0.03), "I_m": (0.9, "kg m^2", 0.1),
@@ -83,7 +88,8 @@ def datasheet(*, noise: bool) -> JointFile:
         "i": {"noise": Quantity(0.02, "A", "test")},
     }
     given = {name: row for name, row in sensors.items() if noise or name != "i"}
-    return JointFile(JointParameters("arm", "test", known), {}, sensors=given, drive="current")
+    listed = {} if weight is None else {"gravity": {"torque": weight}}
+    return JointFile(JointParameters("arm", "test", known), listed, sensors=given, drive="current")
 
 
 @pytest.fixture(scope="module")
@@ -136,3 +142,36 @@ def test_a_load_that_no_stage_judges_is_searched_for() -> None:
     ahead = {(row.channel, row.seconds): row.found for row in found.horizons}
     assert ahead["q_m", 0.5] < 0.1
     assert ahead["tau", 0.5] < 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [0.15, None])
+def test_a_listed_weight_is_as_free_as_its_tolerance_says(tolerance: float | None) -> None:
+    """Held at a wrong size, it would make the torque sensor and all else seem off by a factor."""
+    weight = Quantity(0.88 * WEIGHT, "N m", "drawing", tolerance, guess=tolerance is None)
+    found = diagnose(joint_record(1, 5.0), datasheet(noise=True, weight=weight))
+    named = {e.name: e.parameters for e in found.effects}
+    assert named.keys() == {"stribeck", "backlash", "damping"}
+    listed = found.joint.effects["gravity"]["torque"]
+    assert isinstance(listed, Quantity)
+    assert listed.number == pytest.approx(WEIGHT, rel=0.01)
+    assert not listed.guess
+    assert f"{weight.number:.6g}" in listed.source
+    for name, symbol, true in (("damping", "d_m", DRAG), ("stribeck", "d_cm", DRY)):
+        assert named[name][symbol].low < true < named[name][symbol].high
+
+
+@pytest.mark.slow
+def test_all_torques_are_drawn_with_one_scale(told: Diagnosis, tmp_path: Path) -> None:
+    """What the torque sensor's scale leaves open is one factor of friction and inertia."""
+    known = covariance_of(told.joint)
+    assert known is not None
+    deviation = np.sqrt(np.diag(known.matrix))
+    one, two = (known.names.index(name) for name in ("k_t", "stribeck.d_cm"))
+    share = known.matrix[one, two] / (deviation[one] * deviation[two])
+    least = common_deviation(datasheet(noise=True), cut=True)
+    assert 0.5 < share < 1.0
+    assert (deviation[[one, two]] / known.values[[one, two]] > least).all()
+    file = tmp_path / "joint.toml"
+    file.write_text(to_toml(told.joint))
+    assert found_together(load_joint(file)).keys() >= {"k_t", "stribeck.d_cm"}

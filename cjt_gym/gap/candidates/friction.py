@@ -123,3 +123,32 @@ def friction_of(
     if body != "l":
         rows.append(row("load_friction", (mu,), lambda f, v: add(f, mu=v["mu"]), ((0.05,),)))
     return rows
+
+
+def damping_of(
+    setting: Setting, size: Scales, body: str, stage: str, touches: tuple[str, ...]
+) -> Candidate:
+    """Return the viscous friction of one body, by its letter, beyond its tolerance."""
+    unit = setting.joint.parameters.unit(f"d_{body}")
+    typical = size.torque / size.speed
+    start = setting.nominal[f"d_{body}"]
+    if body == "m" and not setting.has_gear:
+        start += setting.nominal["d_g"]
+        start += 0.0 if setting.has_spring else setting.nominal["d_l"]
+    most = most_damping(setting, body)
+    total = Number(f"d_{body}", unit, start, typical, low=0.0, high=start + most)
+
+    def apply(f: Fields, v: Values) -> None:
+        f[f"d_{body}"] += v[f"d_{body}"] - start
+
+    return Candidate(
+        "damping",
+        stage,
+        (total,),
+        apply,
+        touches,
+        body=BODIES[body],
+        starts=((start,),),
+        family="nominal",
+        releases=f"d_{body}",
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate, Scales
-from cjt_gym.gap.candidates.friction import friction_of
+from cjt_gym.gap.candidates.friction import damping_of, friction_of
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.recorded.setting import Setting
@@ -19,6 +19,7 @@ def load_rows(setting: Setting, size: Scales) -> list[Candidate]:
     if not setting.cut_at_spring:
         return rows
     rows += friction_of(setting, size, "l", "load", ("load",))
+    rows.append(damping_of(setting, size, "l", "load", ("load",)))
     torque = max(float(np.std(setting.series["tau"])), 1e-9)
     gravity = Candidate(
         "gravity",

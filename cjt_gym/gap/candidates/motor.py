@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cjt_gym.gap.candidates.candidate import BODIES, Candidate, Scales, Values, most_damping
+from cjt_gym.gap.candidates.candidate import Candidate, Scales, Values
+from cjt_gym.gap.candidates.friction import damping_of
 from cjt_gym.gap.candidates.nuisances import active_parameters, guesses_of
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.candidates.released import released
@@ -19,7 +20,9 @@ def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
     if "I_g" in active and not guesses_of(setting, "g"):
         rows.append(released(setting, "I_g", "inertia", "motor"))
     rows += [
-        _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear
+        damping_of(setting, size, body, "motor", ("motor", "transmission")[: 1 + (body == "g")])
+        for body in ("m", "g")
+        if body == "m" or setting.has_gear
     ]
     heat = Number("time_constant", "s", 5.0, 0.8, log=True, low=1.0, high=500.0, shape=True)
     derate = Number("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
@@ -50,32 +53,6 @@ def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
     if setting.has_gear or setting.nominal["n"] != 1.0:  # a direct drive has no teeth
         rows.append(_periodic("gear_ripple", "rip", 1.0, "-"))
     return rows
-
-
-def _damping(setting: Setting, size: Scales, body: str) -> Candidate:
-    unit = setting.joint.parameters.unit(f"d_{body}")
-    typical = size.torque / size.speed
-    start = setting.nominal[f"d_{body}"]
-    if body == "m" and not setting.has_gear:
-        start += setting.nominal["d_g"]
-        start += 0.0 if setting.has_spring else setting.nominal["d_l"]
-    most = most_damping(setting, body)
-    total = Number(f"d_{body}", unit, start, typical, low=0.0, high=start + most)
-
-    def apply(f: Fields, v: Values) -> None:
-        f[f"d_{body}"] += v[f"d_{body}"] - start
-
-    return Candidate(
-        "damping",
-        "motor",
-        (total,),
-        apply,
-        ("motor", "transmission") if body == "g" else ("motor",),
-        body=BODIES[body],
-        starts=((start,),),
-        family="nominal",
-        releases=f"d_{body}",
-    )
 
 
 def _periodic(name: str, prefix: str, scale: float, unit: str) -> Candidate:

@@ -24,6 +24,8 @@ USUAL_COMMAND = 1e-3
 """Standard deviation of an amplifier's offset, as a share of the range of its command."""
 FRICTION = {f"c_p_{body}": f"d_c{body}" for body in "mgl"}
 """Symbol in the joint file of each field that is a level of Coulomb friction."""
+WEIGHT = ("grav_a", "grav_b")
+"""Fields of a weight, its two components."""
 OWN = ("i_0", "tau_0", "q_0", "centre_g")
 """Fields that differ from record to record of one joint."""
 BLURRED = 0.3
@@ -55,7 +57,7 @@ class Nuisance:
 
 def nuisances(setting: Setting, stages: tuple[str, ...]) -> tuple[Nuisance, ...]:
     """Return the numbers that are free in every fit of a record."""
-    found = [*_parameters(setting), *_friction(setting), *_offsets(setting)]
+    found = [*_parameters(setting), *_friction(setting), *_weight(setting), *_offsets(setting)]
     kept = [replace(n, stages=tuple(s for s in n.stages if s in stages)) for n in found]
     return tuple(n for n in kept if n.stages)
 
@@ -97,6 +99,8 @@ def stages_of(setting: Setting, field: str) -> tuple[str, ...]:
         "c_p_m": ("motor",),
         "c_p_g": ("motor", "transmission") if setting.has_gear else ("motor",),
         "c_p_l": ("load",),
+        "grav_a": ("load",),
+        "grav_b": ("load",),
     }[field]
     return touched if setting.cut_at_spring else ("motor",)
 
@@ -174,6 +178,21 @@ def _friction(setting: Setting) -> list[Nuisance]:
         unknown = Number(field, "N m", start, scale, True, low=start / far, high=start * far)
         rows.append(Nuisance(field, unknown, stages_of(setting, field), (f"c_n_{field[-1]}",)))
     return rows
+
+
+def _weight(setting: Setting) -> list[Nuisance]:
+    """Return the size of a weight that the joint file lists with a tolerance, or as a guess."""
+    listed = setting.joint.effects.get("gravity", {}).get("torque")
+    if not isinstance(listed, Quantity) or not (listed.tolerance or listed.guess):
+        return []
+    field, other = sorted(WEIGHT, key=lambda name: -abs(setting.nominal[name]))
+    start, scale = setting.nominal[field], listed.tolerance or GUESSED
+    if start == 0.0:
+        return []
+    far = min(float(np.exp(STRETCH * scale)), ANYWHERE if listed.guess else FURTHEST)
+    low, high = sorted((start / far, start * far))
+    unknown = Number(field, "N m", start, scale, True, low=low, high=high)
+    return [Nuisance(field, unknown, stages_of(setting, field), (other,))]
 
 
 def _lumped_tolerance(setting: Setting, name: str) -> float:

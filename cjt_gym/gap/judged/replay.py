@@ -18,7 +18,7 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.errors import SimulationError
 from cjt_gym.gap.candidates.candidate import Candidate
-from cjt_gym.gap.candidates.nuisances import FRICTION
+from cjt_gym.gap.candidates.nuisances import FRICTION, WEIGHT
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.gap.identified import Refined, identified_joint
@@ -81,7 +81,7 @@ def _warmth(heat: Mapping[str, float], series: Series) -> float:
 def written(problem: Problem, model: Model, z: Floats) -> Written:
     """Return a model at coordinates with the joint that it stands for."""
     setting, fields = problem.stages.setting, problem.fields(model, z)
-    known = {*setting.joint.parameters.quantities, *FRICTION, "lag"}
+    known = {*setting.joint.parameters.quantities, *FRICTION, *WEIGHT, "lag"}
     known -= {effect.releases for effect in model.effects}
     values = {n.field: (fields[n.field], 0.0) for n in problem.shared if n.field in known}
     named = [

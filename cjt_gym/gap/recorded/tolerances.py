@@ -22,6 +22,8 @@ FAR = 1.5
 LEAST = 0.01
 """Relative deviation that an identified value always has: sensors are no better."""
 SMOOTHING = "dq_0"
+OF_TORQUE = ("k_t", "k_b", "k_g", "I_", "d_")
+"""Beginnings of the symbols of values that scale with the torque."""
 
 
 def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
@@ -33,6 +35,29 @@ def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
     if stated is None:
         return math.inf if "guess" in quantity.source.lower() else usual
     return math.inf if stated >= VAGUE else max(stated, 1e-3)
+
+
+def common_deviation(file: JointFile, *, cut: bool) -> float:
+    """Return the relative deviation of what a torque sensor of unknown scale leaves open.
+
+    If it reads too much, all values that a torque is a part of are found too large by one factor,
+    which no record shows: the tolerances of the datasheet alone limit it.
+
+    Args:
+        file: The datasheet.
+        cut: Whether a measured torque cuts the joint into stages.
+    """
+    known = [
+        q.tolerance
+        for symbol, q in file.parameters.quantities.items()
+        if symbol.startswith(OF_TORQUE) and q.tolerance and not q.guess
+    ]
+    return 1.0 / math.sqrt(sum(x**-2 for x in known)) if cut and known else 0.0
+
+
+def is_torque(unit: str) -> bool:
+    """Return whether numbers of a unit are in proportion to the scale of all torques."""
+    return unit.startswith(("N", "kg"))
 
 
 def stated(file: JointFile, effect: str, symbol: str) -> Quantity | None:

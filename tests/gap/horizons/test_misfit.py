@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap.diagnosis import Diagnosis, Interval, NamedEffect
-from cjt_gym.gap.horizons.findings.misfit import widened
+from cjt_gym.gap.horizons.findings.misfit import Wider, widened
 from cjt_gym.gap.horizons.fitting.base_terms import base_terms
 from cjt_gym.gap.horizons.fitting.fit import Problem
 from cjt_gym.gap.horizons.fitting.terms import scales_of
@@ -16,7 +16,9 @@ from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
 from cjt_gym.gap.horizons.selection.search_result import Found
+from cjt_gym.gap.stages.intervals import NORMAL
 from cjt_gym.joint import Quantity, get_structure
+from cjt_gym.joint.files.diagnosed import covariance_of
 from tests.gap.horizons.rotor import datasheet, record
 
 DRY = Interval(2.0, 1.9, 2.1, "N m")
@@ -51,8 +53,8 @@ def test_intervals_of_the_stages_widen_within_what_a_number_may_be(
     told = replace(explained, effects=(dry, rounded))
     entry = Quantity(2.0, "N m", "test", low=1.9, high=2.1)
     rows = {"coulomb": {"d_cm": entry}, "quantization": {"tau": entry}}
-    told = replace(told, joint=replace(told.joint, effects=rows))
-    wide = widened(told, by, {"quantization"})
+    told = replace(told, joint=replace(told.joint, effects=rows, found={}))
+    wide = widened(told, Wider(by), {"quantization"})
     one = wide.effects[0].parameters["d_cm"]
     assert one.value == 2.0
     assert one.low == pytest.approx(max(2.0 - 0.1 * by, 0.0), abs=1e-9)
@@ -68,6 +70,22 @@ def test_intervals_of_the_stages_widen_within_what_a_number_may_be(
 def test_a_number_known_to_a_factor_stays_above_zero(explained: Diagnosis, by: float) -> None:
     vague = Interval(2.0, 0.2, 20.0, "N m")
     dry = NamedEffect("coulomb", "motor", "motor", None, {"d_cm": vague}, "confirmed", 0.9, 1.0, ())
-    wide = widened(replace(explained, effects=(dry,)), by, ())
+    told = replace(explained, effects=(dry,), joint=replace(explained.joint, found={}))
+    wide = widened(told, Wider(by), ())
     one = wide.effects[0].parameters["d_cm"]
     assert (one.low, one.high) == pytest.approx((2.0 * 0.1**by, 2.0 * 10.0**by))
+
+
+def test_the_scale_of_all_torques_stays_as_it_is(explained: Diagnosis) -> None:
+    """What a joint leaves unpredicted does not make a torque sensor worse."""
+    common = 0.05
+    known = covariance_of(explained.joint)
+    assert known is not None
+    scale = NORMAL * common * 2.0
+    one = Interval(2.0, 2.0 - np.hypot(0.1, scale), 2.0 + np.hypot(0.1, scale), "N m")
+    wide = Wider(3.0, common).of("coulomb", "d_cm", one)
+    assert wide.high - 2.0 == pytest.approx(np.hypot(0.3, scale))
+    assert 2.0 - wide.low == pytest.approx(np.hypot(0.3, scale))
+    plain = covariance_of(Wider(3.0).joint(explained.joint, ()))
+    assert plain is not None
+    assert plain.matrix == pytest.approx(9.0 * known.matrix, rel=1e-6)

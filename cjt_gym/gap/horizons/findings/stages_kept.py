@@ -20,7 +20,7 @@ from cjt_gym.gap.horizons.findings.as_diagnosis import horizons_of
 from cjt_gym.gap.horizons.findings.corrected_values import LATE, corrected, gave_way, left_tolerance
 from cjt_gym.gap.horizons.findings.found_joint import found_at
 from cjt_gym.gap.horizons.findings.held_output import held_alike
-from cjt_gym.gap.horizons.findings.misfit import widened
+from cjt_gym.gap.horizons.findings.misfit import Wider, widened
 from cjt_gym.gap.horizons.findings.naming import of_drive
 from cjt_gym.gap.horizons.findings.verdict import DRIFTLESS, main_row, unexplained_of
 from cjt_gym.gap.horizons.prediction.case import as_joint
@@ -28,9 +28,9 @@ from cjt_gym.gap.horizons.prediction.model import MEASURES
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.selection.judgement import CLOSE, LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.torque.inverse import drag_law
-from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
+from cjt_gym.gap.recorded.tolerances import OUTSIDE, common_deviation, is_left_open
 from cjt_gym.joint import EFFECTS, JointFile
-from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.files.quantity import Quantity, freeze
 
 BETTER = 0.95
 """Relative error, as a fraction of the datasheet's, that at least one horizon must fall below for
@@ -48,7 +48,8 @@ MOSTLY = 0.5
 DRAGS = ("damping", "viscous_asym")
 """Effects whose drag grows in proportion to the speed."""
 UNDAMPED = "the spring's damping d_gl, not stated, may take its place"
-"""Doubt of a hysteresis of a spring."""
+"""Doubt of what damping of a spring looks like."""
+SPRING_LIKE = ("spring_hysteresis", "torque_delay")
 OF_VALUES = {
     "k_t": "torque_constant", "k_b": "stiffness", "k_g": "gear_stiffness", "I_l": "load_inertia"
 }  # fmt: skip
@@ -62,15 +63,17 @@ def as_nominal(first: Diagnosis, file: JointFile) -> Diagnosis:
     first = _without_open(first, file)
     if file.parameters.get("d_gl", 0.0) > 0.0:
         return first
-    effects = (e.doubted(UNDAMPED) if e.name == "spring_hysteresis" else e for e in first.effects)
+    effects = (e.doubted(UNDAMPED) if e.name in SPRING_LIKE else e for e in first.effects)
     return replace(first, effects=tuple(effects))
 
 
 def standing(first: Diagnosis, found: Judgement) -> Diagnosis:
     """Return the stages' diagnosis as far as the predictions of its joint, the answer, bear out."""
-    first = replace(first, joint=replace(first.joint, found=found_at(found)))
+    known = freeze({**first.joint.found, **found_at(found)})
+    first = replace(first, joint=replace(first.joint, found=known))
     told = _held(_doubted(_cleared(first, found), found), found)
-    told = widened(told, found.misfit, _aside(told, found))
+    common = common_deviation(found.case.joint.file, cut=found.cut)
+    told = widened(told, Wider(found.misfit, common), _aside(told, found))
     told = with_drag(with_late_drive(told, found), found)
     told = _with_stated_value(told, found)
     strained = gave_way(found, told.effects)
