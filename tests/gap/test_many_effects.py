@@ -156,6 +156,7 @@ def test_a_listed_weight_is_as_free_as_its_tolerance_says(tolerance: float | Non
     assert isinstance(listed, Quantity)
     assert listed.number == pytest.approx(WEIGHT, rel=0.01)
     assert not listed.guess
+    assert ("guess of the weight" in found.unexplained.text) == weight.guess
     assert f"{weight.number:.6g}" in listed.source
     for name, symbol, true in (("damping", "d_m", DRAG), ("stribeck", "d_cm", DRY)):
         assert named[name][symbol].low < true < named[name][symbol].high

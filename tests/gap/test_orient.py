@@ -162,6 +162,16 @@ def test_units_that_a_law_gives_away(
     assert [(repair.kind, repair.channel) for repair in repairs] == [("unit", channel)]
 
 
+@pytest.mark.parametrize(("factor", "given_away"), [(180.0 / np.pi, True), (1.5, False)])
+def test_one_angle_in_another_unit_than_the_other(
+    factor: float, given_away: bool, free: Blind
+) -> None:
+    record, joint, structure = free
+    spoilt = record.with_columns({"q_l": factor * record["q_l"]})
+    found = [repair.text for repair in orient(spoilt, joint, structure)[1] if repair.kind == "unit"]
+    assert any("q_l or q_m" in text and "180/pi" in text for text in found) == given_away
+
+
 def test_a_late_wave_is_not_taken_for_its_opposite(locked: Blind) -> None:
     _, joint, structure = locked
     t = 1e-3 * np.arange(600)

@@ -48,6 +48,8 @@ DRIVING = ("i", "tau_m", "i_cmd", "tau_cmd", "v")
 the speed takes as friction does."""
 CERTAIN = 0.7
 """Correlation above which two channels follow each other."""
+TOGETHER = 0.98
+"""Correlation above which both angles show one motion, of which a soft spring takes little."""
 AMBIGUOUS = 0.8
 """Ratio of the best correlation to the best with the opposite sign above which it is taken."""
 PARTIAL = 0.35
@@ -355,6 +357,11 @@ def _scales(
     factors = dict(UNIT_FACTORS)
     if p.n > 2.0:
         factors |= {p.n: "the gear ratio", 1.0 / p.n: "one over the gear ratio"}
+    if {"q_m", "q_l"} <= channels.keys() and not structure.output_fixed:
+        turned, other = channels["q_m"], channels["q_l"]
+        if np.ptp(turned) > 0.0 and abs(_alike(turned, other, 1.0)) > TOGETHER:
+            slope = abs(np.polyfit(turned, other, 1)[0])
+            found.append(("q_l", "q_m", "the angle of the load per angle of the motor", slope))
     if {"q_m", "tau"} <= channels.keys() and structure.has_spring:
         wound = channels["q_m"] - channels.get("q_l", np.zeros(1))
         k_b = p.get("k_b", 0.0)

@@ -16,7 +16,7 @@ from cjt_gym.gap.horizons.fitting.fit import Fit
 from cjt_gym.gap.horizons.prediction.model import Term, body_group, motor_inertia
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.torque.inverse import inverse
-from cjt_gym.gap.recorded.tolerances import OUTSIDE, VAGUE
+from cjt_gym.gap.recorded.tolerances import OUTSIDE, VAGUE, stated
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.files.effect_entries import unit_on
 
@@ -33,11 +33,14 @@ LATE = frozenset({"command_delay", "current_lag"})
 
 def corrected(judged: Judgement) -> str:
     """Return sentences on the guesses of the datasheet that the answer corrects."""
-    said = []
-    guesses = {s: q for s, q in judged.case.joint.parameters.quantities.items() if q.guess}
-    for symbol, quantity in guesses.items():
-        new = _given(judged, symbol)
-        if abs(new - quantity.number) > REFINED * max(new, quantity.number):
+    said, file = [], judged.case.joint.file
+    known = {s: (q, _given(judged, s)) for s, q in file.parameters.quantities.items() if q.guess}
+    weight = stated(file, "gravity", "torque")
+    if weight is not None and weight.guess and "gravity" in judged.joint.effects:
+        size = float(judged.joint.effects["gravity"]["torque"])  # type: ignore[arg-type]
+        known["the weight"] = weight, size
+    for symbol, (quantity, new) in known.items():
+        if abs(new - quantity.number) > REFINED * max(abs(new), abs(quantity.number)):
             said.append(
                 f"The guess of {symbol}, {plain(quantity.number)} {quantity.unit}, is corrected to "
                 f"{plain(new)}."
