@@ -86,7 +86,8 @@ def side_by_side(
                 "sensor: a table [sensors.NAME] with its protocol."
             )
     (agent,) = make_agents([] if policy else [controller], [policy] if policy else [])
-    conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
+    structure, drive = config.joint.structure, config.joint.drive
+    conditions = Conditions(config.joint_name, structure, drive, dt_control=config.dt)
 
     @cache
     def law(late: tuple[tuple[str, float], ...]) -> Controller:

@@ -166,7 +166,8 @@ class PolicyLaw:
         self._arm, self._k, config = arm, k, arm.configs[k]
         agent = load_agent(word)
         _warn_of_another_joint(agent, config)
-        conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
+        structure, drive = config.joint.structure, config.joint.drive
+        conditions = Conditions(config.joint_name, structure, drive, dt_control=config.dt)
         t = np.arange(len(reference), dtype=np.float64) * config.dt
         arguments = agent.arguments(conditions) | {"reference": sampled_signal(t, reference)}
         arguments["episode_steps"] = len(reference) + 1

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError
+from cjt_gym.joint import load_joint_file, to_toml
 from cjt_gym.training.benchmark import make_agents, write_rows
 from cjt_gym.training.evaluation.conditions import (
     EVALUATION_SEEDS,
     TASKS,
+    Conditions,
     realistic_conditions,
     task_reference,
 )
 from cjt_gym.training.evaluation.evaluate import SEED_BLOCK, evaluate, first_seed
-from cjt_gym.training.evaluation.rollout import ControllerAgent, rollout
+from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, rollout
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.tuning.problem import Search
 
 KEYS = {
     *("controller", "kind", "joint", "structure", "task", "rmse", "nrmse", "bandwidth_hz"),
@@ -74,6 +78,20 @@ def test_tasks_and_seeds_of_the_benchmark_share_no_episode() -> None:
     first = sorted(first_seed(task, seed) for task in BENCHMARK_TASKS for seed in range(20))
     assert first[0] == EVALUATION_SEEDS
     assert np.diff(first).min() == SEED_BLOCK
+
+
+def test_conditions_take_structure_and_drive_of_the_joint_file(tmp_path: Path) -> None:
+    file = replace(load_joint_file(JOINT), structure="output_fixed", drive="static")
+    path = tmp_path / "found.toml"
+    path.write_text(to_toml(file), encoding="utf-8")
+    for stated in (Conditions(str(path)), realistic_conditions(str(path), randomization="mild")):
+        joint = joint_of(stated)
+        assert (stated.structure, stated.drive) == (joint.structure, joint.drive)
+        assert (joint.structure, joint.drive) == ("output_fixed", "static")
+    given = Conditions(str(path), "rigid_gearbox", drive="current")
+    assert (given.structure, given.drive) == ("rigid_gearbox", "current")
+    assert Conditions(JOINT).structure == "output_fixed_rigid_gearbox"
+    assert Search("pd_feedforward", str(path)).structure == "output_fixed"
 
 
 def test_bad_requests_are_refused() -> None:

@@ -82,7 +82,8 @@ def agents_for(
         )
     for agent in agents:  # so that a policy of another control step is refused before the work
         joint, structure = agent.trained_on or (record.joint or "orange_80_6000", "output_fixed")
-        agent.arguments(Conditions(joint, structure, torque_amplitude=1.0, dt_control=record.dt))
+        home = Conditions(joint, structure, "current", torque_amplitude=1.0, dt_control=record.dt)
+        agent.arguments(home)
     return tuple(agents)
 
 

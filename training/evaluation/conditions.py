@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cjt_gym.envs.settings import default_amplitude
+from cjt_gym.envs.settings import USUAL, default_amplitude, stated_by_joint
 from cjt_gym.errors import check_name
 from cjt_gym.joint import EFFECTS, get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.signals import Signal, make_signals
 
-USUAL_STRUCTURE = "output_fixed_rigid_gearbox"
 FULLY_KNOWN = "orange_80_6000"
 """A joint of which everything is known that `realistic_effects` asks for."""
 COGGING_SHARE = 0.003
@@ -36,19 +35,33 @@ SWEEP_LOW, SWEEP_HIGH, SWEEP = 0.5, 200.0, 8.0
 
 @dataclass(frozen=True)
 class Conditions:
-    """What every controller of a comparison faces."""
+    """What every controller of a comparison faces.
 
-    joint: str  # name of the joint, or path of its file
-    structure: str = USUAL_STRUCTURE  # its structure
-    drive: str = "current"  # its drive
-    effects: Any = None  # what makes it non-ideal, as for `load_joint`
-    # what every episode draws, as for the environments
+    Attributes:
+        joint: Name of the joint, or path of its file.
+        structure: Its structure; where None is given that of the joint file, or else
+            "output_fixed_rigid_gearbox".
+        drive: Its drive; where None is given that of the joint file, or else "current".
+        effects: What makes it non-ideal, as for `load_joint`: None for what the joint file lists.
+        randomization: What every episode draws anew, as for the environments.
+        torque_amplitude: Amplitude of the references [N m]; None for `default_amplitude`.
+        dt_control: Control step [s].
+        dt_physics: Substep of the simulation [s], a whole fraction of it.
+    """
+
+    joint: str
+    structure: str | None = None
+    drive: str | None = None
+    effects: Any = None
     randomization: Mapping[str, Any] = field(default_factory=dict)
-    # amplitude of the references [N m]; None is a tenth of the peak torque, or three times the
-    # Coulomb friction where that is more
     torque_amplitude: float | None = None
-    dt_control: float = 1e-3  # control step [s]
-    dt_physics: float = 1e-4  # substep of the simulation [s]
+    dt_control: float = 1e-3
+    dt_physics: float = 1e-4
+
+    def __post_init__(self) -> None:
+        if self.structure is None or self.drive is None:
+            for key, stated in stated_by_joint(vars(self)).items():
+                object.__setattr__(self, key, stated)
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -111,7 +124,7 @@ def realistic_randomization(joint: str, effects: Mapping[str, Any]) -> dict[str,
 
 def realistic_conditions(
     joint: str,
-    structure: str = USUAL_STRUCTURE,
+    structure: str | None = None,
     *,
     effects: Mapping[str, Any] | None = None,
     randomization: str | None = None,
@@ -121,7 +134,7 @@ def realistic_conditions(
 
     Args:
         joint: Name of the joint, or path of its file.
-        structure: Its structure.
+        structure: Its structure; None for that of the joint file, as in `Conditions`.
         effects: What makes it non-ideal; None for `realistic_effects`.
         randomization: Preset of what every episode draws anew; None for
             `realistic_randomization`.
@@ -138,7 +151,7 @@ def realistic_conditions(
 class Asked:
     """What of the conditions a command line may say."""
 
-    drive: str = "current"
+    drive: str | None = None  # None for that of the joint file
     # what makes the joint non-ideal, in words; None for `realistic_effects`
     effects: tuple[str, ...] | None = None
     # preset of what every episode draws anew; None for `realistic_randomization`
@@ -169,12 +182,12 @@ def transferred(env: Mapping[str, Any], joint: str) -> dict[str, Any]:
     if isinstance(effects, str) or not isinstance(effects, Mapping):
         effects = dict.fromkeys([effects] if isinstance(effects, str) else effects)
     usual, known = realistic_effects(joint), realistic_effects(FULLY_KNOWN)
-    structure = get_structure(moved.get("structure", USUAL_STRUCTURE))
+    structure = get_structure(moved.get("structure") or USUAL["structure"])
     moved["effects"] = {
         name: usual.get(name, values or {})
         for name, values in effects.items()
         if (name in usual or name not in known)
-        and EFFECTS[name].acts_in(structure, moved.get("drive", "current"))
+        and EFFECTS[name].acts_in(structure, moved.get("drive") or USUAL["drive"])
     }
     if isinstance(varying, Mapping):
         varying = {

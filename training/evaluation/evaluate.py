@@ -129,6 +129,7 @@ def evaluate(
     """
     check_episodes(episodes, seed)
     first = first_seed(next(iter(BENCHMARK_TASKS)), seed)
+    assert conditions.structure is not None
     for task in tasks:
         if not get_task(task).suits(conditions.structure, agent):
             raise ConfigurationError(
@@ -172,6 +173,7 @@ def row_of(
     agent: Agent, conditions: Conditions, task: str, run: Traces, character: Mapping[str, float]
 ) -> Row:
     """Return what the episodes of a task come to, beside the figures that all tasks share."""
+    assert conditions.structure is not None
     return Row(
         controller=agent.name,
         kind=agent.kind,

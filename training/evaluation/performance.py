@@ -120,6 +120,7 @@ def _arguments(
     conditions = Conditions(
         home[0] if home else joint.file.name,
         home[1] if home else joint.structure,
+        joint.drive,
         torque_amplitude=amplitude,
         dt_control=record.dt,
         dt_physics=record.dt / max(np.ceil(record.dt / DT_PHYSICS), 1.0),

@@ -11,6 +11,7 @@ from cjt_gym.analysis import LinearPlant, probe_plant
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.baselines.table import CONTROLLERS, get_entry
 from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.settings import stated_by_joint
 from cjt_gym.errors import ConfigurationError, SimulationError, check_range
 from cjt_gym.joint import Joint
 from cjt_gym.joint.kernel.arrays import Floats
@@ -42,7 +43,7 @@ class Search(Asked):
 
     controller: str  # what `get_entry` takes
     joint: str  # name of the joint, or path of its file
-    structure: str = "output_fixed_rigid_gearbox"  # its structure
+    structure: str | None = None  # its structure; None for that of the joint file
     budget: int = 200  # candidates that are tried
     seed: int = 0  # of the search and of its draws
     # episodes that a candidate runs, all side by side; four times as many unseen ones compare the
@@ -56,6 +57,8 @@ class Search(Asked):
         return self.conditions_on(self.joint, self.structure, dt_control=self.dt)
 
     def __post_init__(self) -> None:
+        for key, stated in stated_by_joint(vars(self)).items():
+            object.__setattr__(self, key, stated)
         if not get_entry(self.controller).searched:
             raise ConfigurationError(
                 f"Controller {self.controller} has no gains to tune. Choose another: "
@@ -118,7 +121,7 @@ class Problem:
         references = [self._setting(task).reference for task in REFERENCES]
         arguments = agent.arguments(self.conditions)
         arguments |= {"reference": references, "episode_steps": STEPS}
-        if get_task(MOVED).applies(self.search.structure):
+        if get_task(MOVED).applies(self.joint.structure):
             arguments["disturbance"] = ["zero"] * STILL + [self._setting(MOVED).load]
         same = {name: value for name, value in arguments.items() if name != "base_controller"}
         drawn = Episodes(episodes, **same)
