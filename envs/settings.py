@@ -12,9 +12,9 @@ import numpy as np
 from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
 from cjt_gym.errors import ConfigurationError, check_name, check_range
-from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
+from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, load_joint_file
 from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.files.parameters import JointParameters
+from cjt_gym.joint.dry_friction import dry_friction
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.joint.kernel.current_loop import with_current_loop
 from cjt_gym.plant import Law, Variation
@@ -31,7 +31,7 @@ USUAL = {"structure": "output_fixed_rigid_gearbox", "drive": "current"}
 AMPLITUDE_SHARE = 0.1
 """Torque amplitude over the peak torque: small enough that no limit is met while tracking."""
 FRICTION_FACTOR = 3.0
-"""Torque amplitude over the Coulomb friction at least, so that friction is no more than a third."""
+"""Torque amplitude over the dry friction at least, so that friction is no more than a third."""
 LOAD_FACTOR = 10.0
 """Inertia of a usual load over that of the actuator; a bare actuator holds no torque against it."""
 BARE_SHARE = 0.1
@@ -103,15 +103,18 @@ def told_load(joint: Joint, loaded: Mapping[str, float]) -> str:
     )
 
 
-def default_amplitude(p: JointParameters) -> float:
-    """Return a tenth of the peak torque, or thrice the Coulomb friction if that is more [N m]."""
+def default_amplitude(file: JointFile) -> float:
+    """Return a tenth of the peak torque, or thrice the dry friction if that is more [N m].
+
+    The friction is that of motor and gear, as `dry_friction` counts it.
+    """
+    p = file.parameters
     if "i_p" not in p:
         raise ConfigurationError(
             f"torque_amplitude [N m] is needed: {p.origin} gives no peak current i_p from which to "
             "take it."
         )
-    friction = sum(p.get(f"d_c{body}", 0.0) for body in "mg")
-    return max(AMPLITUDE_SHARE * p.k_t * p.n * p.i_p, FRICTION_FACTOR * friction)
+    return max(AMPLITUDE_SHARE * p.k_t * p.n * p.i_p, FRICTION_FACTOR * dry_friction(file))
 
 
 def joint_numbers(joint: Joint, amplitude: float) -> tuple[float, ...]:
@@ -172,7 +175,7 @@ def _layout(joint: Joint, given: TaskArguments, disturbances: tuple[Signal, ...]
     """Return what is observed but its history, with usual scales where none are given."""
     torque, velocity, action = given.torque_amplitude, given.velocity_scale, given.action_scale
     if torque is None:
-        torque = default_amplitude(joint.parameters)
+        torque = default_amplitude(joint.file)
     if velocity is None:
         velocity = _velocity_scale(joint, torque, disturbances)
     if action is None:

@@ -101,9 +101,10 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `render_mode` | None | "human" or "rgb_array": a strip chart |
 
     Without `torque_amplitude` it is a tenth of the peak torque k_t n i_p, or three times the
-    Coulomb friction of motor and gear where that is more. Where the output is free and the joint
-    file describes the bare actuator, the load is ten times I_m + I_g, unless `parameters` gives
-    I_l.
+    dry friction of motor and gear where that is more, by all that the joint file states of it:
+    Coulomb levels under its parameters or effects, breakaway and presliding. Where the output is
+    free and the joint file describes the bare actuator, the load is ten times I_m + I_g, unless
+    `parameters` gives I_l.
 
     A drive that takes voltages has a current controller between torque and voltage: that of the
     effect `current_control`, or a typical one of 500 Hz.

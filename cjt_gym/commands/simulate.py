@@ -166,7 +166,7 @@ def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
         return _command(task.recorded, joint, task.replayed)
     amplitude = options.amplitude
     if amplitude is None:
-        amplitude = default_amplitude(joint.parameters)
+        amplitude = default_amplitude(joint.file)
     spec = options.reference if task.recorded is None else signal_from_file(options.reference)
     (signal,) = make_signals(spec, amplitude)[:1]
     return signal.reset(np.random.default_rng(options.seed))

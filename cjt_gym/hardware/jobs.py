@@ -172,7 +172,7 @@ def _with_amplitude(
                 f"joint torque of {config.joint_name}, got {options.amplitude:g}."
             )
         return float(options.amplitude), make(options.amplitude)
-    usual = min(default_amplitude(config.joint.parameters), HEADROOM * config.limits.tau)
+    usual = min(default_amplitude(config.joint.file), HEADROOM * config.limits.tau)
     reference = make(usual)
     share = fitting_share(config.joint, reference, config.limits, config.dt)
     return share * usual, share * reference

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -75,6 +76,33 @@ def test_an_environment_is_what_its_joint_file_says(sheet: Path) -> None:
     assert (other["structure"], other["drive"]) == ("rigid", "static")
     usual = complete({})
     assert (usual["structure"], usual["drive"]) == ("output_fixed_rigid_gearbox", "current")
+
+
+@pytest.mark.parametrize(
+    ("effects", "friction"),
+    [
+        ("", 5.92),
+        ("[effects.coulomb]\nd_cm = { value = 8.0, unit = 'N m' }", 8.0 + 3.28),
+        ("[effects.coulomb_asym]\nd_cm_n = { value = 9.0, unit = 'N m' }", 9.0 + 3.28),
+        (
+            "[effects.stribeck]\nd_cg = { value = 7.0, unit = 'N m' }\n"
+            "d_sm = { value = 1.5, unit = 'N m' }\nv_s = { value = 0.05, unit = 'rad/s' }\n"
+            "[effects.presliding]\nd_cm = { value = 2.0, unit = 'N m' }\n"
+            "sigma_m = { value = 900.0, unit = 'N m/rad' }",
+            5.92 + 7.0 + 1.5 + 2.0,
+        ),
+    ],
+)
+def test_the_usual_amplitude_is_thrice_the_dry_friction_that_a_file_states(
+    effects: str, friction: float, tmp_path: Path
+) -> None:
+    path = tmp_path / "dry.toml"
+    file = load_joint_file("orange_80_6000")
+    weak = replace(file, parameters=file.parameters.replace(i_p=1.0))
+    path.write_text(f"{to_toml(weak)}\n{effects}\n", encoding="utf-8")
+    env = gymnasium.make("CJT/TorqueTracking-v0", joint=str(path))
+    layout = env.unwrapped.episodes.settings.layout  # type: ignore[attr-defined]
+    assert layout.torque == pytest.approx(3.0 * friction)
 
 
 def test_what_a_shipped_joint_merely_knows_turns_nothing_on() -> None:

@@ -73,7 +73,7 @@ class Conditions:
         """Amplitude of the references [N m]."""
         if self.torque_amplitude is not None:
             return self.torque_amplitude
-        return default_amplitude(load_joint_file(self.joint).parameters)
+        return default_amplitude(load_joint_file(self.joint))
 
 
 def realistic_effects(joint: str) -> dict[str, dict[str, Any]]:
