@@ -127,6 +127,23 @@ def check_name(what: str, name: object, known: Collection[str]) -> None:
         raise unknown_name(what, str(name), known)
 
 
+def check_type(what: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> None:
+    """Check that a value is of one of some types.
+
+    `what` is its name and whose it is, `wanted` says in words what it must be.
+
+    Raises:
+        ConfigurationError: It is of no such type.
+
+    Example:
+        >>> check_type("joint", None, str, "the name of a joint")
+        Traceback (most recent call last):
+        cjt_gym.errors.ConfigurationError: joint must be the name of a joint, got None.
+    """
+    if not isinstance(value, kinds):
+        raise ConfigurationError(f"{what} must be {wanted}, got {value!r}.")
+
+
 def check_range(
     what: str,
     value: Any,

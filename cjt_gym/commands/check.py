@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-import textwrap
-from collections.abc import Sequence
 from dataclasses import replace
 
 from cjt_gym.console import Answer
 from cjt_gym.errors import MissingFileError, UnknownNameError
-from cjt_gym.gap.check import Examination, examine
-from cjt_gym.gap.check.channels import Channel
-from cjt_gym.gap.check.verdicts import sized
-from cjt_gym.gap.report import WIDTH, Table
-from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile, get_structure, load_joint_file
+from cjt_gym.gap.check import Examination, examination_of
+from cjt_gym.joint import STRUCTURES, JointFile, get_structure, load_joint_file
 from cjt_gym.records import joint_of, read_log, record_names
 from cjt_gym.records.files import NOMINAL
-
-LIMITS = frozenset({"current_saturation"})
-"""Effects that show where they act at less, rather than at more, than a given size."""
-NOT_TRIED = "A diagnosis does not look for any of these."
-HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,12 +31,12 @@ def run(options: argparse.Namespace) -> Answer:
     joint = _joint(options)
     n = None if joint is None else joint.gear_ratio
     records, repairs = read_log(options.record, options.mapping, n=n)
-    found = examine(records, joint, structure)
+    found = examination_of(records, joint, structure)
     known = {*found.faults, *found.notes}
     taken = (r.text for r in repairs if r.kind == "unit" and r.text not in known)
     cut = tuple(r.text for r in repairs if r.kind == "cut" and r.text not in known)
     found = replace(found, notes=(*found.notes, *taken), faults=(*cut, *found.faults))
-    return to_json(found), in_words(found, WIDTH)
+    return to_json(found), str(found)
 
 
 def to_json(found: Examination) -> dict[str, object]:
@@ -70,49 +60,3 @@ def _joint(options: argparse.Namespace) -> JointFile | None:
     except (MissingFileError, UnknownNameError) as error:
         sys.stderr.write(f"cjt-gym: examined without a joint. {error}\n")
         return None
-
-
-def in_words(found: Examination, width: int) -> str:
-    """Return an examination as text with lines of at most `width` characters."""
-    channels = Table("Channels", "", [HEAD, *map(_row, found.channels.values())])
-    sizes = [
-        (name, f"{'up to ' if name in LIMITS else ''}{sized(*size)}")
-        for name, size in found.smallest.items()
-    ]
-    parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]
-    if found.notes:
-        parts.append(_list("Remarks", found.notes, width, ""))
-    if sizes:
-        parts.append(Table("Identifiable", "", [("effect", "from"), *sizes]).text(width))
-    else:
-        parts.append("Identifiable\nnothing")
-    names: dict[str, list[str]] = {}
-    for row in found.cannot_tell:
-        names.setdefault(row.why, []).append(row.name)
-    known = {*found.can_tell, *(row.name for row in found.cannot_tell)}
-    names[NOT_TRIED] = [name for name in EFFECTS if name not in known]
-    reasons = [f"{', '.join(effects)}: {why}" for why, effects in names.items()]
-    parts.append(_list("Not identifiable", reasons, width, "nothing"))
-    parts.append(_list("What to record instead", found.advice, width, "nothing else is needed"))
-    return "\n\n".join(parts)
-
-
-def _list(title: str, lines: Sequence[str], width: int, none: str) -> str:
-    wrapped = [
-        line
-        for words in lines or [none]
-        for line in textwrap.wrap(words, width, initial_indent="- ", subsequent_indent="  ")
-    ]
-    return "\n".join([title, *wrapped])
-
-
-def _row(channel: Channel) -> tuple[str, ...]:
-    return (
-        channel.name,
-        channel.unit,
-        f"{channel.low:.4g}",
-        f"{channel.high:.4g}",
-        f"{channel.resolution:.2g}" if channel.resolution else "-",
-        f"{channel.observed:.2g}" if channel.observed else "-",
-        f"{100.0 * channel.missing:.2g} %",
-    )

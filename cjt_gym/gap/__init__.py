@@ -16,7 +16,8 @@
 `by_stages.py` makes a diagnosis of what the stages found; `horizons` has the last word.
 """
 
+from cjt_gym.gap.check import Examination, examine
 from cjt_gym.gap.diagnose import diagnose
 from cjt_gym.gap.diagnosis import Diagnosis, NamedEffect
 
-__all__ = ["Diagnosis", "NamedEffect", "diagnose"]
+__all__ = ["Diagnosis", "Examination", "NamedEffect", "diagnose", "examine"]

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap.by_stages import Ask, by_stages
 from cjt_gym.gap.candidates.separated import separating
-from cjt_gym.gap.check import examine
+from cjt_gym.gap.check import examination_of
 from cjt_gym.gap.check.energy import NOT_THE_INPUT
 from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, REFLECTED, SCALES, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
@@ -25,7 +25,7 @@ from cjt_gym.gap.identified import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
 from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.driven import driven_only, is_left
-from cjt_gym.gap.recorded.fields import check_bodies
+from cjt_gym.gap.recorded.given import JointLike, as_records, nominal_joint
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.orient import all_oriented
 from cjt_gym.gap.recorded.series import SHORTEST, Stretch, stretches
@@ -33,9 +33,7 @@ from cjt_gym.gap.recorded.tolerances import strained, unlisted, unnamed
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.gap.stages.select import Progress, silent
 from cjt_gym.gap.stages.smoothing import with_smoothing
-from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
-from cjt_gym.joint.build import file_of
-from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint import JointFile
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 from cjt_gym.records.doubts import SLOW_LOG
@@ -53,8 +51,8 @@ MOST = 0.5
 @np.errstate(all="ignore")  # a trial step of a fit may overflow; it is then rejected
 def diagnose(
     records: Record | Sequence[Record],
-    joint: str | Joint | JointFile | None = None,
-    structure: str | None = None,
+    joint: JointLike | None = None,
+    structure: str | Structure | None = None,
     validate: Record | Sequence[Record] | None = None,
     progress: Progress = silent,
 ) -> Diagnosis:
@@ -78,11 +76,14 @@ def diagnose(
         1
     """
     started = time.perf_counter()
-    given, held = _as_list(records), _as_list(() if validate is None else validate)
+    given = as_records(records, "diagnose")
+    held = [] if validate is None else as_records(validate, "diagnose")
+    if not given:
+        raise ConfigurationError("diagnose needs a record, got none.")
     first = given[0]
     if joint is None:
         check_one_joint([*given, *held])
-    file, shape = _joint(first, joint, structure)
+    file, shape = nominal_joint(first, joint, structure)
     file = as_values(file, shape)
     for record in (*given, *held):
         _check_rate(record)
@@ -90,7 +91,7 @@ def diagnose(
     _check_apart(given, held)
     _check_tests(held)
     (given, turned), (held, also) = (all_oriented(some, file, shape) for some in (given, held))
-    exam = examine(given, file, shape)
+    exam = examination_of(given, file, shape)
     if any(NOT_THE_INPUT in fault for fault in exam.faults):
         raise _driven_by_another(first)
     if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
@@ -283,38 +284,3 @@ def remarked(
         remarks.append(f"{stated}, but was diagnosed as {shape.name}.")
     text = " ".join((*remarks, found.unexplained.text)).strip()
     return replace(found, unexplained=replace(found.unexplained, text=text))
-
-
-def _as_list(records: Record | Sequence[Record]) -> list[Record]:
-    found = [records] if isinstance(records, Record) else list(records)
-    for record in found:
-        if not isinstance(record, Record):
-            raise ConfigurationError(
-                f"diagnose takes records of type Record, got {type(record).__name__}. "
-                "Read a file with cjt_gym.records.read_record."
-            )
-    return found
-
-
-def _joint(
-    record: Record, joint: str | Joint | JointFile | None, structure: str | None
-) -> tuple[JointFile, Structure]:
-    """Return the nominal joint and the structure, given or named by the record."""
-    if isinstance(joint, Joint):
-        own = resolve_effects(None, joint.file, joint.structure_row, joint.drive)
-        file = joint.file if joint.effects == own else file_of(joint)
-        return file, get_structure(structure or joint.structure)
-    if joint is None and record.joint_file is None:
-        raise ConfigurationError(
-            f"{record.owner} names no joint. Give the nominal joint: a name, a file or a Joint."
-        )
-    source = joint if joint is not None else record.joint_file
-    file = source if isinstance(source, JointFile) else load_joint_file(source)  # type: ignore[arg-type]
-    name = structure or record.structure or file.structure
-    if name is None:
-        raise ConfigurationError(
-            f"{record.owner} names no structure. Give one, such as structure='output_fixed'."
-        )
-    shape = get_structure(name)
-    check_bodies(file.parameters, shape)
-    return file, shape

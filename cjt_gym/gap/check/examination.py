@@ -17,7 +17,7 @@ class CannotTell:
     instead: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Examination:
     """What a record can and cannot identify, before any fit.
 
@@ -42,6 +42,20 @@ class Examination:
     notes: tuple[str, ...] = ()
     at_rest: bool = False
     back: float = 0.0
+
+    def __str__(self) -> str:
+        """Return all of it as plain text, as `cjt-gym check` prints it."""
+        from cjt_gym.gap.report.examined import examination_text
+
+        return examination_text(self)
+
+    def __repr__(self) -> str:
+        """Return how many effects it would show, and how many faults the log has."""
+        known = len(self.can_tell) + len(self.cannot_tell)
+        return (
+            f"<Examination: {len(self.can_tell)} of {known} effects identifiable, "
+            f"faults of the log: {len(self.faults)}>"
+        )
 
     def to_dict(self) -> dict[str, object]:
         """Return the contents of ``record`` in `diagnosis.json`."""

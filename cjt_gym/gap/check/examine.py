@@ -15,9 +15,10 @@ from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
+from cjt_gym.gap.recorded.given import JointLike, as_records, joint_file_of, structure_of
 from cjt_gym.gap.recorded.series import SHORTEST
 from cjt_gym.gap.recorded.usable import measured_only, unmeasured
-from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.records import Record
 
 ALONE = "Map the torque of what else drives the joint as tau_l, or let its motor drive it alone."
@@ -60,25 +61,48 @@ ROWS: Mapping[str, Callable[[View], Verdict]] = {
 
 
 def examine(
-    record: Record | Sequence[Record], joint: JointFile | None, structure: Structure | None
+    records: Record | Sequence[Record],
+    joint: JointLike | None = None,
+    structure: str | Structure | None = None,
 ) -> Examination:
-    """Return what a record can and cannot identify, and its faults.
+    """Return what records can and cannot identify, and their faults.
 
     No model is fitted: the influence of an effect on the record is compared with the scatter of the
     channels, by plain least squares.
 
     Args:
-        record: The record, or several of one joint, which are judged together.
-        joint: The nominal joint; None if unknown.
-        structure: Structure of the joint; None takes the one named in the record or the joint, or
-            else the one suggested by the channels.
+        records: The record, or several of one joint, which are judged together.
+        joint: The nominal joint, or its name or path; by default the one that the record names.
+            Without one, sizes are in amperes.
+        structure: How its bodies are joined; by default as the record or else the joint states, or
+            as the channels suggest.
 
     Raises:
+        ConfigurationError: These are no records.
         RecordError: There is no record, or it has fewer than 50 samples, lasts less than 0.2 s or
             has no channel.
+        UnknownNameError: There is no such joint or structure.
+        MissingFileError: There is no file of the joint.
         ParameterError: A body of the joint that moves freely has no inertia.
+
+    Example:
+        >>> from cjt_gym.records import read_record
+        >>> "coulomb" in examine(read_record("emps")).can_tell
+        True
     """
-    records = (record,) if isinstance(record, Record) else tuple(record)
+    given = as_records(records, "examine")
+    if joint is None and given:
+        joint = given[0].joint_file
+    if isinstance(joint, Joint) and structure is None:
+        structure = joint.structure
+    file = None if joint is None else joint_file_of(joint)
+    return examination_of(given, file, None if structure is None else structure_of(structure))
+
+
+def examination_of(
+    records: Sequence[Record], joint: JointFile | None, structure: Structure | None
+) -> Examination:
+    """Return what `examine` does, of a joint that is loaded or, where it is None, unknown."""
     _check(records)
     absent = {name: row for one in records for name, row in unmeasured(one).items()}
     view = View.of(measured_only(records), joint, structure)

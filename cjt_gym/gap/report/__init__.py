@@ -11,6 +11,7 @@
 `table`     small tables
 `page`      the whole report
 `summary`   the terminal and the notebook
+`examined`  what a record can tell, for the terminal
 ==========  ===============================================
 """
 
