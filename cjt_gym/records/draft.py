@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.records.tables.flat import NUMBERS
-from cjt_gym.records.units import units_of
+from cjt_gym.records.units import USUAL, units_of, usual_name
 
 UNKNOWN: Final = "?"
 HEAD: Final = """\
@@ -129,10 +129,11 @@ def _table(column: str, name: str, values: NDArray[Any]) -> str:
 
 def _unit(name: str, allowed: tuple[str, ...]) -> str | None:
     """Return the unit at the end of a name: ``pos_deg``, ``Speed (rpm)``, ``vel_deg_s``."""
-    for unit in sorted(allowed, key=len, reverse=True):
+    words = [word for word, unit in USUAL.items() if unit in allowed]
+    for unit in sorted([*allowed, *words], key=len, reverse=True):
         pattern = re.escape(unit).replace("/", "[/_]").replace(r"\ ", "[ ._*]?")
         if re.search(rf"(?:^|[\W_]){pattern}[\])]?$", name):
-            return unit
+            return usual_name(unit)
     if "deg" in allowed and re.search(r"(?:^|[\W_])grad[\])]?$", name):
         return "deg"
     return "deg/s" if "deg/s" in allowed and re.search(r"(?:^|[\W_])dps[\])]?$", name) else None

@@ -37,7 +37,7 @@ from cjt_gym.disk import read_toml
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.columns import COMMANDS, check_one_axis, column_of
 from cjt_gym.records.metadata import checked_facts
-from cjt_gym.records.units import COUNTS, UNITS, Unit, unit_of, units_of
+from cjt_gym.records.units import COUNTS, UNITS, Unit, unit_of, units_of, usual_name
 
 SUFFIX: Final = ".map.toml"
 """Ending of the mapping that is found beside a log of that name."""
@@ -170,6 +170,7 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
     for key in ("source", "unit", "side", "time", "time_unit"):
         if not isinstance(given.get(key, ""), str):
             raise RecordError(f"{key} of {what} must be a string, got {given[key]!r}.")
+    given = given | {k: usual_name(given[k]) for k in ("unit", "time_unit") if given.get(k)}
     unit_name = str(given.get("unit", "V" if "gain" in given else units_of(name)[0]))
     unit = _gained(what, name, given) or unit_of(name, unit_name, f"unit of {what}")
     gain = unit.factor * _sign(what, given) * _number(f"scale of {what}", given.get("scale", 1.0))

@@ -172,6 +172,13 @@ class Record:
             return None
         return joint_to_load(self.joint, self.provenance.get(JOINT_FILE), self.origin)
 
+    @property
+    def missing_joint(self) -> str:
+        """That the joint file it names is missing, and where it was looked for; else empty."""
+        if self.joint is None:
+            return ""
+        return missing_joint(self.joint, self.provenance.get(JOINT_FILE), self.origin)
+
     def slice(self, start: int | None = None, stop: int | None = None) -> Record:
         """Return the samples from ``start`` up to but not including ``stop``, as in a Python slice.
 
@@ -203,12 +210,30 @@ def joint_to_load(name: str, made_with: object, origin: Path | None) -> str | Pa
     That is a file of that name beside the record; else the joint file that the record was made
     with, where it was or beside the record; else the bare name.
     """
+    places = _places(name, made_with, origin)
+    return next((place for place in places if os.path.isfile(place)), name)
+
+
+def missing_joint(name: str, made_with: object, origin: Path | None) -> str:
+    """Return that the joint file a record names is missing, and where it was looked for.
+
+    An empty string where the file is there, or where the name is none of a file.
+    """
+    places = [*_places(name, made_with, origin), Path(name)]
+    if not Path(name).suffix or any(os.path.isfile(place) for place in places):
+        return ""
+    tried = dict.fromkeys(str(place.absolute()) for place in places)
+    return f"The joint file {name} does not exist. It was looked for as {', '.join(tried)}."
+
+
+def _places(name: str, made_with: object, origin: Path | None) -> list[Path]:
+    """Return where the joint file of a record may be."""
     places = [] if origin is None else [origin.parent / name]
     if isinstance(made_with, str):
         places.append(Path(made_with))
         if origin is not None:
             places.append(origin.parent / PurePath(made_with).name)
-    return next((place for place in places if os.path.isfile(place)), name)
+    return places
 
 
 def joints_of(record: Record) -> tuple[str, ...]:

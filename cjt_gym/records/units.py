@@ -43,6 +43,20 @@ FACTORS: Final = {
     "degC": {"degC": 1.0},
 }
 """What one of each unit is in the SI unit."""
+WORDS: Final = {
+    "deg": ("Grad", "degree", "degrees", "°", "º"),
+    "deg/s": ("Grad/s", "degrees/s", "°/s", "º/s"),
+    "rad": ("radian", "radians"),
+    "rev": ("Umdrehung", "Umdrehungen", "turn", "turns", "revolutions"),
+    "rev/s": ("U/s",),
+    "rpm": ("U/min", "Umdrehungen/min", "rev/min", "r/min", "1/min", "RPM"),
+    "us": ("µs", "μs"),
+    "um": ("µm", "μm"),
+    "degC": ("°C", "ºC"),
+}
+"""Other words for these units, which logs use as well."""
+USUAL: Final = {word: name for name, words in WORDS.items() for word in words}
+GON: Final = "'grad' may be degrees or gon. Degrees are 'deg'."
 UNITS: Final = {
     name: Unit(si, factor) for si, names in FACTORS.items() for name, factor in names.items()
 }
@@ -62,12 +76,28 @@ def units_of(column: str) -> tuple[str, ...]:
     return tuple(name for name, unit in UNITS.items() if unit.si in allowed)
 
 
+def usual_name(word: str) -> str:
+    """Return the name in `UNITS` of what a log calls a unit; the word itself if there is none.
+
+    Example:
+        >>> usual_name("U/min"), usual_name("rpm")
+        ('rpm', 'rpm')
+    """
+    return USUAL.get(word, word)
+
+
 def unit_of(column: str, name: str, what: str) -> Unit:
     """Return a unit of a column by its name."""
     allowed = units_of(column)
     if name not in allowed:
         raise RecordError(
-            f"{what} must be {' or '.join(map(repr, allowed))}, got {name!r}."
-            f"{did_you_mean(name, allowed)}"
+            f"{what} must be {' or '.join(map(repr, allowed))}, got {name!r}.{_hint(name, allowed)}"
         )
     return UNITS[name]
+
+
+def _hint(name: str, allowed: tuple[str, ...]) -> str:
+    """Return what was meant, after a sentence; nothing for a unit of another kind."""
+    if name.lower().partition("/")[0] == "grad":
+        return f" {GON}"
+    return "" if name in UNITS else did_you_mean(name, allowed)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
+import numpy as np
 import pytest
 
 from cjt_gym.cli import main
@@ -146,6 +147,11 @@ def test_any_unit_of_the_right_kind_is_converted(sheet: Path) -> None:
     assert (noise.low, noise.high) == (close(8.7266463e-7), close(3.4906585e-6))  # type: ignore[union-attr]
     assert file.sensors["q_m"]["resolution"].value == close(1.745329252e-5)
     assert file.sampling["dt"].value == close(1e-3)
+
+
+def test_german_words_of_angles_are_units() -> None:
+    assert in_usual_unit(Quantity(180.0, "Grad"), ("rad",), "q").value == pytest.approx(np.pi)
+    assert in_usual_unit(Quantity(0.5, "Umdrehungen"), ("rad",), "q").value == pytest.approx(np.pi)
 
 
 def test_all_mistakes_of_a_file_are_reported_at_once(

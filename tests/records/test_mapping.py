@@ -335,3 +335,54 @@ def test_a_draft_knows_what_a_name_tells_of_and_what_it_does_not(
     text = draft("log.csv", {name: np.array([0.0, 1.0])})
     assert f"[columns.{column or '?'}]" in text
     assert ('unit = "deg/s"' in text) == name.endswith("[dps]")
+
+
+@pytest.mark.parametrize(
+    ("column", "word", "usual"),
+    [
+        ("q_m", "Grad", "deg"),
+        ("q_m", "°", "deg"),
+        ("q_m", "Umdrehungen", "rev"),
+        ("dq_m", "Grad/s", "deg/s"),
+        ("dq_m", "U/min", "rpm"),
+        ("dq_m", "1/min", "rpm"),
+    ],
+)
+def test_units_have_other_words(column: str, word: str, usual: str, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    table = np.column_stack([T, np.rad2deg(Q)])
+    header = f"t,pos [{word}]"
+    np.savetxt(path, table, delimiter=",", header=header, comments="", encoding="utf-8")
+    written, known = (
+        read_log(path, {"columns": {"t": "t", column: {"source": header[2:], "unit": unit}}})[0][0]
+        for unit in (word, usual)
+    )
+    np.testing.assert_array_equal(written[column], known[column])
+
+
+@pytest.mark.parametrize("word", ["Grad", "°", "degrees"])
+def test_other_words_of_units_are_seen_in_headers(word: str) -> None:
+    assert 'unit = "deg"' in draft("log.csv", {"t": T, f"motor pos [{word}]": Q})
+
+
+def test_a_unit_of_another_kind_or_of_two_meanings_gets_no_wrong_advice(tmp_path: Path) -> None:
+    path = write_log(tmp_path)
+
+    def refused(unit: str) -> str:
+        columns = {"t": "time_ms", "q_m": {"source": "motor pos", "unit": unit}}
+        with pytest.raises(RecordError) as error:
+            read_log(path, {"columns": columns})
+        return str(error.value)
+
+    assert "Did you mean" not in refused("mA")
+    assert "Degrees are 'deg'" in refused("grad")
+    assert "Did you mean 'mrad'" in refused("mrads")
+
+
+def test_a_line_of_names_in_the_code_page_of_windows_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{1e-3 * k:.3f},{k}\n" for k in range(100))
+    path.write_bytes(f"t,Motorwinkel [°]\n{rows}".encode("cp1252"))
+    columns = {"t": "t", "q_m": {"source": "Motorwinkel [°]", "unit": "°"}}
+    (record,), _ = read_log(path, {"columns": columns})
+    np.testing.assert_allclose(record["q_m"], np.deg2rad(np.arange(100)))

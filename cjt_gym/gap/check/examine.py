@@ -15,7 +15,13 @@ from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
-from cjt_gym.gap.recorded.given import JointLike, as_records, joint_file_of, structure_of
+from cjt_gym.gap.recorded.given import (
+    JointLike,
+    as_records,
+    joint_file_of,
+    named_joint,
+    structure_of,
+)
 from cjt_gym.gap.recorded.series import SHORTEST
 from cjt_gym.gap.recorded.usable import measured_only, unmeasured
 from cjt_gym.joint import Joint, JointFile, Structure
@@ -91,11 +97,10 @@ def examine(
         True
     """
     given = as_records(records, "examine")
-    if joint is None and given:
-        joint = given[0].joint_file
     if isinstance(joint, Joint) and structure is None:
         structure = joint.structure
-    file = None if joint is None else joint_file_of(joint)
+    _check(given)
+    file = named_joint(given[0]) if joint is None else joint_file_of(joint)
     return examination_of(given, file, None if structure is None else structure_of(structure))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from cjt_gym.errors import ConfigurationError, check_type
+from cjt_gym.errors import ConfigurationError, MissingFileError, check_type
 from cjt_gym.gap.recorded.fields import check_bodies
 from cjt_gym.joint import Joint, JointFile, Structure, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
@@ -58,6 +58,19 @@ def joint_file_of(joint: JointLike) -> JointFile:
     return load_joint_file(joint)
 
 
+def named_joint(record: Record) -> JointFile | None:
+    """Return the joint file that a record names; None where it names none.
+
+    Raises:
+        CjtGymError: It does not exist, or is not valid.
+    """
+    if missing := record.missing_joint:
+        raise MissingFileError(
+            f"{record.owner} names a joint that is not there. {missing} Give the joint."
+        )
+    return None if record.joint_file is None else load_joint_file(record.joint_file)
+
+
 def structure_of(structure: str | Structure) -> Structure:
     """Return a structure by name, or as it is."""
     if isinstance(structure, Structure):
@@ -74,12 +87,11 @@ def nominal_joint(
     Raises:
         CjtGymError: One of them is unknown or missing, or the joint does not suit the structure.
     """
-    source = record.joint_file if joint is None else joint
-    if source is None:
+    file = named_joint(record) if joint is None else joint_file_of(joint)
+    if file is None:
         raise ConfigurationError(
             f"{record.owner} names no joint. Give the nominal joint: a name, a file or a Joint."
         )
-    file = joint_file_of(source)
     if isinstance(joint, Joint):
         return file, structure_of(structure or joint.structure)
     name = structure or record.structure or file.structure

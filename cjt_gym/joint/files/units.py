@@ -27,7 +27,8 @@ _DEFINITIONS = (
     "newton_meter = newton * meter = Nm",
     "newton_meter_second = newton * meter * second = Nms",
     "newton_centimeter = newton * centimeter = Ncm",
-    "@alias turn = rev",
+    "@alias turn = rev = Umdrehung = Umdrehungen",
+    "@alias degree = Grad",
     "@alias ohm = Ohm",
 )
 

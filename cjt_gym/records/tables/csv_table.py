@@ -24,6 +24,8 @@ from cjt_gym.records.checks import FloatArray
 SEPARATORS = (",", ";", "\t")
 NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f]")
 """Control characters, which no line of names has."""
+LONGEST = 1_000_000
+"""Bytes of the line of names that are looked at for its encoding."""
 ROWS = 100_000
 """Rows that are parsed at a time."""
 MANY = 0.2
@@ -60,7 +62,8 @@ def write(columns: Mapping[str, FloatArray], path: Path) -> None:
 
 
 def _pieces(path: Path, rows: int, strict: bool) -> Iterator[dict[str, NDArray[Any]]]:
-    with path.open(encoding="utf-8-sig", newline="", errors="strict" if strict else "replace") as f:
+    errors = "strict" if strict else "replace"
+    with path.open(encoding=_encoding(path), newline="", errors=errors) as f:
         number, separator, names = _header(path, f)
         _check_names(path, names)
         first, count = True, 0
@@ -73,6 +76,19 @@ def _pieces(path: Path, rows: int, strict: bool) -> Iterator[dict[str, NDArray[A
             yield dict(zip(names, table, strict=True))
             number += len(lines)
             first = False
+
+
+def _encoding(path: Path) -> str:
+    """Return UTF-8, or the code page of Windows where the line of names is no UTF-8."""
+    with path.open("rb") as file:
+        while line := file.readline(LONGEST):
+            try:
+                line.decode("utf-8")
+            except UnicodeDecodeError:
+                return "cp1252"
+            if line.strip() and line.lstrip()[:1] not in (b"#", b"%"):
+                break
+    return "utf-8-sig"
 
 
 def _header(path: Path, file: TextIO) -> tuple[int, str | None, list[str]]:

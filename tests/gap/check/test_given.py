@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.errors import ConfigurationError, MissingFileError, UnknownNameError
+from cjt_gym.errors import ConfigurationError, MissingFileError, RecordError, UnknownNameError
 from cjt_gym.gap import Examination, diagnose, examine
 from cjt_gym.joint import get_structure, load_joint, load_joint_file, to_toml
 from cjt_gym.records import Record, read_log, read_record
@@ -71,3 +71,20 @@ def test_an_examination_prints_what_the_command_prints(
     assert main(["check", "emps"]) == 0
     assert capsys.readouterr().out.rstrip() == str(exam).rstrip()
     assert repr(exam).startswith(f"<Examination: {len(exam.can_tell)} of ")
+
+
+def test_a_joint_file_that_a_log_names_and_that_is_missing_is_looked_for_in_places_that_are_told(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,pos\n" + "".join(f"{1e-2 * k:.2f},{k}\n" for k in range(100)))
+    mapping = {"joint": "kni.toml", "structure": "rigid", "columns": {"t": "t", "q_m": "pos"}}
+    records, _ = read_log(path, mapping)
+    for of in (examine, diagnose):
+        with pytest.raises(MissingFileError, match="kni.toml does not exist") as error:
+            of(records)
+        assert str(tmp_path / "kni.toml") in str(error.value)
+    motor = {"t": "t", "q_m": {"source": "pos", "side": "motor"}}
+    with pytest.raises(RecordError, match="needs the gear ratio") as refused:
+        read_log(path, mapping | {"columns": motor})
+    assert str(tmp_path / "kni.toml") in str(refused.value)
