@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.errors import CjtGymError
+from cjt_gym.errors import CjtGymError, UnknownNameError
 from cjt_gym.training.deploy.c_header import c_header
-from cjt_gym.training.deploy.export import TOLERANCE, CStepper, recorded
+from cjt_gym.training.deploy.export import TOLERANCE, CStepper, export_policy, recorded
 from cjt_gym.training.deploy.exported import load_exported, save_exported
 from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import OnnxStepper, write_onnx
@@ -94,6 +94,18 @@ def test_an_export_is_the_whole_controller(
     """Base law, its limit and its memory are inside, so that nothing has to be added."""
     agent = agent_for(tiny, "PPO", "tanh", base_controller=base, preview=1)
     gives_what_torch_gives(form, agent, tmp_path)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_an_export_takes_its_path_as_text(form: str, tmp_path: Path) -> None:
+    written = export_policy("orange_residual", form, str(tmp_path / "policy.npz"))
+    assert written.path == tmp_path / "policy.npz"
+    assert written.path.is_file()
+
+
+def test_an_unknown_form_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'onnx'"):
+        export_policy("orange_residual", "onx", tmp_path / "policy.onnx")
 
 
 def test_base_with_friction_goes_to_c_and_is_refused_elsewhere(

@@ -20,7 +20,7 @@ from cjt_gym.disk import write_text
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.envs.observation import Layout
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.export.c_files import Checked, ExportError, compiled
 from cjt_gym.export.c_text import VALUES, identifier, parameters
 from cjt_gym.joint.kernel.arrays import Floats
@@ -37,6 +37,7 @@ from cjt_gym.training.learning.policy import PolicyAgent
 
 Run = tuple[list[tuple[Any, ...]], Floats]
 STEPS: Final = 300  # of an episode, whose first few fill the memory of observations
+FORMS = ("onnx", "numpy", "c")
 TOLERANCE: Final = 2e-5
 """Largest difference of an action, in single precision [-]."""
 REPEATS: Final = 2000  # calls that are timed: a fraction of a second
@@ -207,7 +208,7 @@ class Written:
 
 
 def export_policy(
-    run: str | Path, form: str, path: Path, records: Sequence[Record] = ()
+    run: str | Path, form: str, path: str | Path, records: Sequence[Record] = ()
 ) -> Written:
     """Write a policy in another form, and try the file on an episode of its training task.
 
@@ -218,12 +219,15 @@ def export_policy(
         records: Recorded signals on which the file is to be compared with the policy, too.
 
     Raises:
-        UnknownNameError: It looks like a name, and no policy of that name ships.
+        UnknownNameError: There is no such form; or the run looks like a name, and no policy of that
+            name ships.
         MissingFileError: There is no such path.
         ConfigurationError: It is not a run of cjt-gym, its network or its base controller cannot be
             exported, a record does not fit, or a package is missing.
         ExportError: The file gives other actions than the policy.
     """
+    check_name("form", form, FORMS)
+    path = Path(path)
     agent = load_agent(run)
     policy, header = exported(agent), ""
     if form == "onnx":
