@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, final
 
@@ -226,13 +226,15 @@ class Addition(Protocol):
 
 
 @final
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class LinearController(Controller):
     """Runs a linear law over a batch of joints, with or without an addition; see `LawMemory`."""
 
     law: LinearLaw
     torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
     addition: Addition | None = None
+    name: str = "linear law"  # that of its row of the table
+    gains: Mapping[str, float] = field(default_factory=dict)  # those it was made with
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -241,6 +243,10 @@ class LinearController(Controller):
         self.linear = self.law
         self._memory = LawMemory(self.law)
         self._applied = np.zeros(0)
+
+    def __repr__(self) -> str:
+        gains = "".join(f", {name} = {value:.4g}" for name, value in self.gains.items())
+        return f"<LinearController {self.name}: dt = {self.dt:g} s{gains}>"
 
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         command = self._memory.propose(measurement, reference, fresh)

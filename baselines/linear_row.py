@@ -48,7 +48,7 @@ def linear_row(
         model, limit = SampledJoint(joint, dt), limits_of(joint).tau
         linear = law(model, **gains)
         added = addition(model, gains, linear, limit) if addition is not None else None
-        return LinearController(linear, limit, added)
+        return LinearController(linear, limit, added, name, gains)
 
     return ControllerEntry(name, summary, source, tunable, defaults, build, structures)
 

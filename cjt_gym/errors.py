@@ -123,7 +123,11 @@ def unknown_key(owner: str, key: str, known: Collection[str], what: str = "key")
 
 def check_name(what: str, name: object, known: Collection[str]) -> None:
     """Raise `unknown_name` unless `name` is among the `known` ones."""
-    if name not in known:
+    try:
+        is_known = name in known
+    except TypeError:  # a list or a table is no key of a table
+        is_known = False
+    if not is_known:
         raise unknown_name(what, str(name), known)
 
 

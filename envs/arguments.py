@@ -48,8 +48,8 @@ class TaskArguments:
     )
     reference: Any = _told(
         "mixed",
-        '"step", "chirp", "multisine", "smooth", "mixed", file, `Signal`, array of torques '
-        "[N m], one per control step, or function of time [s]",
+        '"step", "chirp", "multisine", "smooth", "mixed", file, `Signal`, torques '
+        "[N m] as array or list, one per control step, or function of time [s]",
     )
     disturbance: Any = _told(
         None, "the same for load torque [N m] or, output fixed, velocity [rad/s]"

@@ -18,7 +18,7 @@ from cjt_gym.envs.step import BAD_ACTION, begin_some, command_all, step_blocks, 
 from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
-from cjt_gym.joint.border import checked_array
+from cjt_gym.joint.border import REAL, checked_array
 from cjt_gym.joint.kernel.arrays import TAU, Floats
 from cjt_gym.plant import Law, Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
@@ -104,7 +104,7 @@ class Episodes:
         Actions, shape (num, 1), are clipped to [-1, 1].
         """
         action = np.asarray(action)
-        if action.shape != (self.num, 1):
+        if action.shape != (self.num, 1) or action.dtype.kind not in REAL:
             raise self._bad_action(action)
         self.control.action[:] = action[:, 0]
         self._step()
@@ -174,10 +174,11 @@ class Episodes:
         tell_some(batch.arrays, self.task, control, mask)
 
     def _bad_action(self, action: NDArray[np.floating[Any]]) -> ConfigurationError:
-        return ConfigurationError(
-            f"The action must hold {self.num} finite numbers, shape ({self.num}, 1), got shape "
-            f"{action.shape}{'' if np.isfinite(action).all() else ' with NaN or inf'}."
-        )
+        wanted = f"The action must hold {self.num} finite numbers, shape ({self.num}, 1)"
+        if action.dtype.kind not in REAL:
+            return ConfigurationError(f"{wanted}, got {action.tolist()!r}.")
+        odd = "" if np.isfinite(action).all() else " with NaN or inf"
+        return ConfigurationError(f"{wanted}, got shape {action.shape}{odd}.")
 
     def choose(self, action: NDArray[np.floating[Any]], measured: Measurement) -> Floats:
         """Return the motor torques that an action and the base controller command, (num,) [N m].

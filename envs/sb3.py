@@ -103,6 +103,9 @@ class TorqueTrackingVecEnv(BareVecEnv):
         self._fresh = True
         super().__init__(num_envs, self.episodes.observation_space, self.episodes.action_space)
 
+    def __repr__(self) -> str:
+        return f"<TorqueTrackingVecEnv: {self.num_envs} episodes, {self.episodes.settings.joint!r}>"
+
     def reset(self) -> NDArray[np.float32]:
         """Begin all episodes; `seed` beforehand fixes what they draw."""
         if self._seeds[0] is not None:

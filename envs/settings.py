@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
-from cjt_gym.errors import ConfigurationError, check_name, check_range
+from cjt_gym.errors import ConfigurationError, check_name, check_range, check_type
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, load_joint_file
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.dry_friction import dry_friction
@@ -148,6 +149,8 @@ def make_settings(given: TaskArguments) -> Settings:
     joint, structure, drive = given.joint, given.structure, given.drive
     effects, parameters, dt_physics = given.effects, given.parameters, given.dt_physics
     assert structure is not None
+    for name in ("parameters", "reward_weights"):
+        check_type(name, getattr(given, name) or {}, Mapping, "a mapping of names to values")
     if not isinstance(joint, Joint):
         loaded = default_load(str(joint), structure, parameters or {})
         joint = load_joint(joint, structure, drive, effects, loaded)
@@ -176,6 +179,7 @@ def _layout(joint: Joint, given: TaskArguments, disturbances: tuple[Signal, ...]
     torque, velocity, action = given.torque_amplitude, given.velocity_scale, given.action_scale
     if torque is None:
         torque = default_amplitude(joint.file)
+    check_range("torque_amplitude", torque, "N m", above=0.0)
     if velocity is None:
         velocity = _velocity_scale(joint, torque, disturbances)
     if action is None:
@@ -192,12 +196,14 @@ def sampled(reference: Any, steps: int, dt: float) -> Any:
     """Return a reference as a signal where it is an array or a function of time.
 
     Args:
-        reference: Values [N m], one per control step, shape (n,), the last of which holds from
-            there on; a function of the time since the episode began [s]; whatever else
-            `make_signals` takes; or a list of these.
+        reference: Values [N m], one per control step, as an array or a list of shape (n,), the last
+            of which holds from there on; a function of the time since the episode began [s];
+            whatever else `make_signals` takes; or a list of these.
         steps: Control steps for which it is asked, that of the preview included.
         dt: Control step [s].
     """
+    if isinstance(reference, (list, tuple)) and reference and all(map(_is_number, reference)):
+        reference = np.asarray(reference, np.float64)
     if isinstance(reference, (list, tuple)):
         return [sampled(each, steps, dt) for each in reference]
     if isinstance(reference, np.ndarray):
@@ -212,12 +218,17 @@ def sampled(reference: Any, steps: int, dt: float) -> Any:
     return sampled_signal(times, np.asarray(values, np.float64))
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
 def _history(joint: Joint, given: TaskArguments, variations: Mapping[str, Variation]) -> int:
     """Return how many past samples are observed, at least those that are on their way."""
     late = _lateness(joint, {}, given.dt_control)
     if given.history is None:
         longest = _lateness(joint, variations, given.dt_control)
         return max(LEAST_HISTORY, late + 2, longest)
+    check_range("history", given.history, low=0, whole=True)
     if given.history < late:
         raise ConfigurationError(
             f"history must be >= {late}, the delay of the joint in control steps, so that what is "

@@ -156,7 +156,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
             SimulationError: The state ceased to be finite.
         """
         episodes, task = self.episodes, self.episodes.task
-        if getattr(action, "shape", None) == (1,):
+        if getattr(action, "shape", None) == (1,) and action.dtype.kind == "f":
             episodes.step_one(float(action[0]))
         else:
             episodes.step(np.asarray(action).reshape(1, -1))

@@ -33,14 +33,14 @@ LONGEST_DELAY = 100_000
 """Control steps that are kept for each joint, which take 80 bytes each."""
 
 
-def substeps_of(dt: float, dt_physics: float) -> int:
-    """Return how many substeps make a control step."""
-    check_range("dt_control", dt, "s", above=0.0)
+def substeps_of(dt: float, dt_physics: float, name: str = "dt_control") -> int:
+    """Return how many substeps make a control step, which errors call by its name."""
+    check_range(name, dt, "s", above=0.0)
     check_range("dt_physics", dt_physics, "s", above=0.0)
     count = round(dt / dt_physics)
     if count < 1 or abs(count * dt_physics - dt) > 1e-9 * dt:
         raise ConfigurationError(
-            f"dt_control must be a whole multiple of dt_physics, got {dt:g} s and "
+            f"{name} must be a whole multiple of dt_physics, got {dt:g} s and "
             f"{dt_physics:g} s. Take {dt / max(1, math.ceil(dt / dt_physics - 1e-9)):g} s."
         )
     return count

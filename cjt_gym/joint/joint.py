@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
+from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError, check_type
 from cjt_gym.joint import linear
-from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.batch import JointBatch, substeps_of
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.configure import (
     EffectSpec,
@@ -239,6 +239,7 @@ class Joint:
         commands = self._commands(tau_m, voltage)
         samples = commands.shape[0]
         loads = np.zeros(samples) if load is None else checked_array("load", load, (samples,))
+        substeps_of(dt, dt_physics, "dt")
         batch = JointBatch(self, 1, dt, dt_physics, voltage=voltage is not None)
         batch.seed(0, seed)
         start = np.zeros(6) if x0 is None else checked_array("x0", x0, (6,))
@@ -405,6 +406,7 @@ def load_joint(
         6000.0
     """
     file = load_joint_file(name)
+    check_type("parameters", parameters or {}, Mapping, "a mapping of names to values")
     if parameters:
         file = replace(file, parameters=file.parameters.replace(**parameters))
     if structure is None:

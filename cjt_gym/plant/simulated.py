@@ -130,6 +130,10 @@ class SimulatedPlant:
         self._commands = np.zeros((num, 2))
         self._no_load = np.zeros(num)
 
+    def __repr__(self) -> str:
+        count = f"{self.num} joint{'s' * (self.num != 1)}"
+        return f"<SimulatedPlant: {count}, dt = {self.dt:g} s, {self.joint!r}>"
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Draw into the records of the copied batch: a copy of a view is an array of its own."""
         self.__dict__.update(state)

@@ -35,6 +35,8 @@ class HasUnit(Protocol):
 
 SensorValue = float | HasUnit
 SENSOR_KEYS = ("resolution", "noise")
+DIGITS = 12
+"""Of a sample time that differences of times give: what rounding them leaves is no more exact."""
 DT_FACTOR = 5.0
 """Factor between ``dt`` and the median interval of ``t`` above which a unit must be wrong."""
 
@@ -135,7 +137,7 @@ def sample_time(owner: str, columns: Mapping[str, FloatArray], dt: float | None)
             f"dt of {owner} says {dt} s, but the median interval of t is {median:g} s. "
             "Give both in seconds, or leave dt out."
         )
-    return median if dt is None else float(dt)
+    return float(f"{median:.{DIGITS}g}") if dt is None else float(dt)
 
 
 def sensor_values(

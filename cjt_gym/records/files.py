@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.disk import whole
-from cjt_gym.errors import RecordError, unknown_name
+from cjt_gym.errors import RecordError, check_type, unknown_name
 from cjt_gym.records.formats import FORMATS, Table, format_of, writer_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
 from cjt_gym.records.metadata import describes_record, facts_path, metadata_text, read_metadata
@@ -176,6 +176,8 @@ def write_record(record: Record, path: str | Path) -> Path:
         RecordError: The suffix is not one of :data:`FORMATS`, or one that is only read, or the
             ``.toml`` is there and of something else.
     """
+    check_type("record", record, Record, "a Record")
+    check_type("path", path, (str, os.PathLike), "the path of the file to write")
     path = Path(path)
     write = writer_of(path)
     path.parent.mkdir(parents=True, exist_ok=True)

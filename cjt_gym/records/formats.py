@@ -92,7 +92,8 @@ def writer_of(path: Path) -> Callable[[Mapping[str, FloatArray], Path], None]:
     Raises:
         RecordError: The suffix is not one of :data:`FORMATS`, or one that is only read.
     """
-    write = format_of(path).write
+    form = FORMATS.get(path.suffix.lower())
+    write = None if form is None else form.write
     if write is None:
         able = ", ".join(suffix for suffix, form in FORMATS.items() if form.write is not None)
         raise RecordError(f"Records are written as {able}, got {path}.")

@@ -189,6 +189,34 @@ def test_the_reference_is_what_was_asked_for_and_its_preview_is_its_future() -> 
         assert seen[1] == ahead[1]
 
 
+def test_a_reference_may_be_a_list_of_torques() -> None:
+    listed, array = (make(reference=x) for x in ([1, 2, 3.5], np.array([1.0, 2.0, 3.5])))
+    still = np.zeros(1, dtype=np.float32)
+    for env in (listed, array):
+        env.reset(seed=0)
+    for wanted in (2.0, 3.5, 3.5):
+        infos = [env.step(still)[4]["tau_reference"] for env in (listed, array)]
+        assert infos == [wanted, wanted]
+
+
+@pytest.mark.parametrize("action", ["x", None, np.array(["x"])])
+def test_an_action_that_is_no_number_is_refused(action: Any) -> None:
+    single, batch = make(), gym.make_vec("CJT/TorqueTracking-v0", num_envs=2)
+    for env in (single, batch):
+        env.reset(seed=0)
+        with pytest.raises(ConfigurationError, match="The action must hold"):
+            env.step(action)
+
+
+def test_a_batch_says_in_one_line_what_it_is() -> None:
+    batch = TorqueTrackingVecEnv(3, joint="lemon_50_6000", base_controller="pid")
+    assert repr(batch).startswith("<TorqueTrackingVecEnv: 3 episodes, <Joint lemon_50_6000: ")
+    plant, law = batch.episodes.plant, batch.episodes.controller
+    assert repr(plant).startswith("<SimulatedPlant: 3 joints, dt = 0.001 s, <Joint lemon_50_6000")
+    assert repr(law).startswith("<LinearController pid: dt = 0.001 s, ")
+    assert all("\n" not in repr(one) and len(repr(one)) < 200 for one in (batch, plant, law))
+
+
 def test_nothing_hidden_is_observed() -> None:
     """Two joints that measure the same are observed the same, whatever their parameters."""
     arguments = {"reference": Signal("zero"), "torque_amplitude": 10.0}
@@ -213,6 +241,11 @@ def test_nothing_hidden_is_observed() -> None:
         ({"dt_control": 0.0}, ConfigurationError, "dt_control must be finite and > 0 s, got 0.0"),
         ({"preview": 1.5}, ConfigurationError, "preview must be a whole number >= 0, got 1.5"),
         ({"torque_amplitude": -1.0}, ConfigurationError, "> 0 N m"),
+        ({"torque_amplitude": "6"}, ConfigurationError, "torque_amplitude must be .*, got '6'"),
+        ({"history": "3"}, ConfigurationError, "history must be a whole number >= 0, got '3'"),
+        ({"joint": None}, ConfigurationError, "joint must be the name of a joint or the path"),
+        ({"parameters": 3}, ConfigurationError, "parameters must be a mapping"),
+        ({"reward_weights": 3}, ConfigurationError, "reward_weights must be a mapping"),
         ({"effects": {"command_delay": {"delay": 8e-3}}, "history": 3}, ConfigurationError, ">= 8"),
         ({"randomization": {"k_b": (-1.0, 1.0)}}, ConfigurationError, "> 0"),
         ({"randomization": {"coulomb.d_cm": (0.5, 1.0)}}, UnknownNameError, "active effect"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.envs.arguments import complete
-from cjt_gym.errors import CjtGymWarning, ParameterError
+from cjt_gym.errors import CjtGymError, CjtGymWarning, ParameterError
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.files.units import in_usual_unit
@@ -208,3 +209,27 @@ def test_inertias_are_read_as_datasheets_write_them(unit: str) -> None:
     assert found.value == pytest.approx(1e-7)
     heavy = in_usual_unit(Quantity(1.0, unit.replace("g", "kg", 1)), ("kg m^2",), "I_m")
     assert heavy.value == pytest.approx(1e-4)
+
+
+# --- what is not a joint ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"name": None}, "joint must be the name of a joint or the path of its file, got None"),
+        ({"name": 3}, "joint must be the name of a joint or the path of its file, got 3"),
+        ({"name": "emps", "drive": ["current"]}, "Unknown drive"),
+        ({"name": "emps", "parameters": "I_m"}, "parameters must be a mapping"),
+    ],
+)
+def test_wrong_types_are_refused_in_words(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(CjtGymError, match=words):
+        load_joint(**arguments)
+
+
+def test_a_simulation_calls_its_sample_time_by_its_own_name() -> None:
+    joint = load_joint("emps")
+    for dt in (0.0, 1.05e-5):
+        with pytest.raises(CjtGymError, match="^dt must be"):
+            joint.simulate(np.zeros(3), dt=dt)

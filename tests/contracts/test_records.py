@@ -349,3 +349,23 @@ def test_what_is_written_reads_like_what_others_write(tmp_path: Path) -> None:
         "units": {"t": "s", "q_m": "rad", "tau": "N m"},
         "provenance": {"gains": {"kp": 1.0}},
     }
+
+
+def test_only_formats_that_can_be_written_are_offered(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="Records are written as") as refused:
+        write_record(read_record("emps"), tmp_path / "x.xls")
+    assert ".csv" in str(refused.value)
+    assert ".blf" not in str(refused.value)
+
+
+def test_what_is_no_record_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(CjtGymError, match="record must be a Record, got None"):
+        write_record(None, tmp_path / "x.csv")  # type: ignore[arg-type]
+    with pytest.raises(CjtGymError, match="path must be the path of the file to write, got None"):
+        write_record(read_record("emps"), None)  # type: ignore[arg-type]
+
+
+def test_a_sample_time_that_times_give_is_rounded() -> None:
+    t = 0.5 + 0.002 * np.arange(400)
+    assert float(np.median(np.diff(t))) != 0.002
+    assert Record({"t": t, "q_m": np.zeros(400)}, default_units(("t", "q_m"))).dt == 0.002

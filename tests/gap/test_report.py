@@ -34,6 +34,11 @@ LARGEST = 1e6  # [bytes]
 
 
 # ---- what it rests on
+def test_what_is_no_diagnosis_is_not_reported(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="must be a Diagnosis"):
+        write_report(None, tmp_path / "report.html")  # type: ignore[arg-type]
+
+
 def test_the_ladder_leads_from_the_gap_before_to_the_gap_after(explained: Diagnosis) -> None:
     steps = explained.evidence.ladder
     assert [step.name for step in steps] == ["nominal", "tolerances", "coulomb_asym"]

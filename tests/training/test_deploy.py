@@ -51,7 +51,9 @@ def agent_for(tiny: TrainConfig, algorithm: str, activation: str, **env: object)
 def stepper_of(form: str, agent: PolicyAgent, folder: Path) -> Stepper | OnnxStepper | CStepper:
     policy = exported(agent)
     if form == "numpy":
-        return Stepper(load_exported(save_exported(policy, folder / "p.npz")))
+        stepper = Stepper(load_exported(save_exported(policy, folder / "p.npz")))
+        assert repr(stepper) == "<Stepper of the policy p: dt = 0.001 s>"
+        return stepper
     if form == "onnx":
         return OnnxStepper(write_onnx(policy, folder / "p.onnx"))
     return CStepper(c_header(policy), policy.layout)

@@ -76,6 +76,9 @@ class Stepper:
         self._machine = (network.packed, self._law, self._reference, observation, *numbers)
         self.reset()
 
+    def __repr__(self) -> str:
+        return f"<Stepper of the policy {self.policy.name}: dt = {self.policy.layout.dt:g} s>"
+
     def reset(self) -> None:
         """Forget the past; the next step is the first."""
         self._begun, self.command = False, 0.0

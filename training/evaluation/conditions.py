@@ -157,7 +157,7 @@ class Asked:
     # preset of what every episode draws anew; None for `realistic_randomization`
     randomization: str | None = None
 
-    def conditions_on(self, joint: str, structure: str, **others: Any) -> Conditions:
+    def conditions_on(self, joint: str, structure: str | None, **others: Any) -> Conditions:
         """Return them on a joint; see `realistic_conditions`."""
         said = {"drive": self.drive, "randomization": self.randomization, **others}
         return realistic_conditions(joint, structure, effects=parse_effects(self.effects), **said)

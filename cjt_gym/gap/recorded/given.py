@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from cjt_gym.errors import ConfigurationError, MissingFileError, check_type
@@ -16,7 +16,7 @@ JointLike = str | Path | Joint | JointFile
 """A joint: its name, the path of its file, or the loaded one."""
 
 
-def as_records(records: Record | Sequence[Record], taker: str) -> list[Record]:
+def as_records(records: object, taker: str) -> list[Record]:
     """Return the records as a list, or refuse what is none.
 
     Args:
@@ -28,7 +28,8 @@ def as_records(records: Record | Sequence[Record], taker: str) -> list[Record]:
     """
     if isinstance(records, Record):
         return [records]
-    found = list(records) if isinstance(records, Iterable) else [records]
+    found: list[object] = list(records) if isinstance(records, Iterable) else [records]
+    taken: list[Record] = []
     for record in found:
         if isinstance(record, list | tuple):
             raise ConfigurationError(
@@ -41,7 +42,8 @@ def as_records(records: Record | Sequence[Record], taker: str) -> list[Record]:
                 f"{taker} takes records of type Record, got {got}. "
                 "Read a file with cjt_gym.records.read_record."
             )
-    return found
+        taken.append(record)
+    return taken
 
 
 def joint_file_of(joint: JointLike) -> JointFile:

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_type
 from cjt_gym.gap.diagnosis import Diagnosis
 from cjt_gym.gap.report.summary import WIDTH, summary
 from cjt_gym.gap.report.table import Table
@@ -46,10 +46,12 @@ def write_report(
         tables: Additional tables, each in its own section.
 
     Raises:
-        ConfigurationError: The file cannot be written.
+        ConfigurationError: The file cannot be written, or this is no diagnosis.
     """
     from cjt_gym.gap.report.page import page  # loads matplotlib
 
+    check_type("diagnosis", diagnosis, Diagnosis, "a Diagnosis, as diagnose returns it")
+    check_type("path", path, (str, Path), "the path of the file to write")
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -16,6 +16,7 @@ from cjt_gym.errors import (
     ParameterError,
     UnknownNameError,
     check_name,
+    check_type,
     unknown_name,
 )
 from cjt_gym.joint.files.effect_entries import usual_effects
@@ -119,11 +120,13 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
         UnknownNameError: No joint of this name ships with the package.
         MissingFileError: There is no file at this path.
         ParameterError: The file breaks the format, or a parameter is out of range.
+        ConfigurationError: It is neither a name nor a path.
 
     Example:
         >>> load_joint_file("orange_80_6000").parameters.k_b
         6000.0
     """
+    check_type("joint", name_or_path, (str, Path), "the name of a joint or the path of its file")
     if is_path(name_or_path):
         path = Path(name_or_path).expanduser()
         if path.suffix == TOOLBOX_SUFFIX:
