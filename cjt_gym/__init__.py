@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from cjt_gym.registry import register
 
 if TYPE_CHECKING:
+    from cjt_gym.gap import diagnose, examine
     from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, joint_names, load_joint
-    from cjt_gym.records import Record, read_record, record_names, write_record
+    from cjt_gym.records import Record, read_log, read_record, record_names, write_record
 
     __version__: str
 
@@ -23,8 +24,11 @@ _HOMES = {
     "STRUCTURES": "cjt_gym.joint",
     "Joint": "cjt_gym.joint",
     "Record": "cjt_gym.records",
+    "diagnose": "cjt_gym.gap",
+    "examine": "cjt_gym.gap",
     "joint_names": "cjt_gym.joint",
     "load_joint": "cjt_gym.joint",
+    "read_log": "cjt_gym.records",
     "read_record": "cjt_gym.records",
     "record_names": "cjt_gym.records",
     "write_record": "cjt_gym.records",
@@ -36,8 +40,11 @@ __all__ = [
     "STRUCTURES",
     "Joint",
     "Record",
+    "diagnose",
+    "examine",
     "joint_names",
     "load_joint",
+    "read_log",
     "read_record",
     "record_names",
     "write_record",

@@ -283,6 +283,11 @@ def test_importing_the_package_is_light() -> None:
     assert "load_joint" in dir(cjt_gym)
 
 
+def test_every_name_of_the_package_is_there() -> None:
+    assert {"diagnose", "examine", "read_log"} <= set(cjt_gym.__all__)
+    assert all(callable(getattr(cjt_gym, name)) or name.isupper() for name in cjt_gym.__all__)
+
+
 def test_arguments_are_declared_once() -> None:
     for target in (TorqueTrackingEnv, TorqueTrackingVectorEnv):
         known = dict(inspect.signature(target).parameters)

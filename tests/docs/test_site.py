@@ -50,6 +50,12 @@ def test_the_example_of_the_start_page_prints_what_is_shown(
         assert told in printed
 
 
+def test_the_example_of_evaluation_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = blocks(page("reference/training"))
+    exec(compile(code, "training.md", "exec"), {})
+    assert 0.0 < float(capsys.readouterr().out) < 20.0
+
+
 @pytest.mark.slow
 def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     subprocess.run([sys.executable, ROOT / "tools/link_tree.py"], check=True, capture_output=True)
