@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap.diagnosis import Diagnosis, Interval, NamedEffect
+from cjt_gym.gap.horizons.findings.by_torque import _numbers
 from cjt_gym.gap.horizons.findings.misfit import Wider, widened
 from cjt_gym.gap.horizons.fitting.base_terms import base_terms
 from cjt_gym.gap.horizons.fitting.fit import Problem
@@ -16,8 +17,9 @@ from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.selection.judgement import Judgement, Row
 from cjt_gym.gap.horizons.selection.search_result import Found
+from cjt_gym.gap.horizons.torque.cross_validated import Spent
 from cjt_gym.gap.stages.intervals import NORMAL
-from cjt_gym.joint import Quantity, get_structure
+from cjt_gym.joint import Joint, Quantity, get_structure
 from cjt_gym.joint.files.diagnosed import covariance_of
 from tests.gap.horizons.rotor import datasheet, record
 
@@ -89,3 +91,16 @@ def test_the_scale_of_all_torques_stays_as_it_is(explained: Diagnosis) -> None:
     plain = covariance_of(Wider(3.0).joint(explained.joint, ()))
     assert plain is not None
     assert plain.matrix == pytest.approx(9.0 * known.matrix, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "low"), [("coulomb", 0.1, 0.0), ("torque_offset", 0.1, -1.0)]
+)
+def test_an_interval_of_a_regression_stays_within_what_a_number_may_be(
+    name: str, value: float, low: float
+) -> None:
+    joint = Joint(datasheet(), "rigid", "current", {})
+    (one,) = _numbers(Spent(name, (value,), (1.0,), 0.5), joint).values()
+    assert one.value == value
+    assert one.high > 2.0
+    assert one.low == 0.0 if low == 0.0 else one.low < low

@@ -200,7 +200,9 @@ def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:
 def _interval(effect: str, symbol: str, value: float, half: float, joint: Joint) -> Interval:
     parameter = EFFECTS[effect].parameter(symbol)
     assert parameter is not None
-    return Interval(value, value - half, value + half, unit_on(parameter, joint.parameters))
+    least, _, most = EFFECTS[effect].domain(parameter)
+    low, high = max(value - half, min(least, value)), min(value + half, max(most, value))
+    return Interval(value, low, high, unit_on(parameter, joint.parameters))
 
 
 def inertia_by_torque(judged: Judgement, term: Term) -> list[float]:
