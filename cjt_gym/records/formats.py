@@ -96,7 +96,9 @@ def writer_of(path: Path) -> Callable[[Mapping[str, FloatArray], Path], None]:
     write = None if form is None else form.write
     if write is None:
         able = ", ".join(suffix for suffix, form in FORMATS.items() if form.write is not None)
-        raise RecordError(f"Records are written as {able}, got {path}.")
+        raise RecordError(
+            f"The file name of a record to be written must end in {able}, got {path}."
+        )
     return write
 
 

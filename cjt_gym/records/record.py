@@ -175,7 +175,7 @@ class Record:
     @property
     def missing_joint(self) -> str:
         """That the joint file it names is missing, and where it was looked for; else empty."""
-        if self.joint is None:
+        if not isinstance(self.joint, str):
             return ""
         return missing_joint(self.joint, self.provenance.get(JOINT_FILE), self.origin)
 

@@ -70,7 +70,7 @@ def named_joint(record: Record) -> JointFile | None:
         raise MissingFileError(
             f"{record.owner} names a joint that is not there. {missing} Give the joint."
         )
-    return None if record.joint_file is None else load_joint_file(record.joint_file)
+    return None if record.joint_file is None else joint_file_of(record.joint_file)
 
 
 def structure_of(structure: str | Structure) -> Structure:

@@ -151,7 +151,7 @@ def _derating(x: Found) -> Rows:
     """
     p, time = x.setting.joint.parameters, x.fields["heat"]
     product = x.fields["derate"] / DERATING
-    ohms = p.get("r", math.sqrt(product))
+    ohms = p.get("r", math.sqrt(product) or 1.0)
     derating = DERATING * max(product / ohms / HOTTEST, 1.0)
     slope = 1.0 / (derating * ohms)
     return {
