@@ -44,6 +44,7 @@ def test_the_worst_predicted_row_widens_the_intervals_of_a_fit() -> None:
     assert least > 0.0
     assert half(_row(0.1, None), _row(0.04, 0.08)) == pytest.approx(least)
     assert half(_row(0.12, 0.1), _row(0.3, 0.1)) == pytest.approx(3.0 * least)
+    assert half(_row(0.009, 0.001)) == pytest.approx(least)
 
 
 @pytest.mark.parametrize("by", [1.0, 3.0, 50.0])

@@ -23,6 +23,9 @@ NEAR = 0.2
 """Relative error above which a search looks for a better joint than that of the stages."""
 SLIGHT, CLOSE = 0.1, 1.3
 """Relative error, and its ratio to its floor, below which it is nearly as small as it could be."""
+NEGLIGIBLE = 0.01
+"""Relative error up to which it does not matter how much smaller it could be. Of 84 numbers of
+rough logs as many intervals cover as where all errors count."""
 LOUD = 0.6
 """Relative error, except at the shortest horizon, above which nothing counts as explained."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
@@ -94,9 +97,10 @@ class Judgement:
         """The largest ratio of an error to what is unpredictable, Birge's ratio; at least one.
 
         What a model lacks shifts its numbers. How far is not known, but hardly less than in
-        proportion to the errors that it leaves.
+        proportion to the errors that it leaves. Errors that are faint do not count.
         """
-        return max([1.0, *(row.found / row.floor for row in self.rows if row.floor)])
+        rows = [row for row in self.rows if row.floor and row.found > NEGLIGIBLE]
+        return max([1.0, *(row.found / (row.floor or row.found) for row in rows)])
 
     @property
     def cut(self) -> bool:
