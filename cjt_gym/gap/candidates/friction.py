@@ -125,10 +125,9 @@ def friction_of(
     return rows
 
 
-def damping_of(
-    setting: Setting, size: Scales, body: str, stage: str, touches: tuple[str, ...]
-) -> Candidate:
+def damping_of(setting: Setting, size: Scales, body: str) -> Candidate:
     """Return the viscous friction of one body, by its letter, beyond its tolerance."""
+    touches = {"m": ("motor",), "g": ("motor", "transmission"), "l": ("load",)}[body]
     unit = setting.joint.parameters.unit(f"d_{body}")
     typical = size.torque / size.speed
     start = setting.nominal[f"d_{body}"]
@@ -143,7 +142,7 @@ def damping_of(
 
     return Candidate(
         "damping",
-        stage,
+        touches[0],
         (total,),
         apply,
         touches,

@@ -19,7 +19,7 @@ def load_rows(setting: Setting, size: Scales) -> list[Candidate]:
     if not setting.cut_at_spring:
         return rows
     rows += friction_of(setting, size, "l", "load", ("load",))
-    rows.append(damping_of(setting, size, "l", "load", ("load",)))
+    rows.append(damping_of(setting, size, "l"))
     torque = max(float(np.std(setting.series["tau"])), 1e-9)
     gravity = Candidate(
         "gravity",

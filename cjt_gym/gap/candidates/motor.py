@@ -19,11 +19,7 @@ def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
         rows.append(released(setting, "I_m", "inertia", "motor"))
     if "I_g" in active and not guesses_of(setting, "g"):
         rows.append(released(setting, "I_g", "inertia", "motor"))
-    rows += [
-        damping_of(setting, size, body, "motor", ("motor", "transmission")[: 1 + (body == "g")])
-        for body in ("m", "g")
-        if body == "m" or setting.has_gear
-    ]
+    rows += [damping_of(setting, size, body) for body in ("mg" if setting.has_gear else "m")]
     heat = Number("time_constant", "s", 5.0, 0.8, log=True, low=1.0, high=500.0, shape=True)
     derate = Number("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
     rows.append(

@@ -41,8 +41,12 @@ def discs(way: float, hertz: float = 2.0, load: float = 0.0) -> Record:
         free = dq + FINE / inertia * np.array([u - twist, twist])
         dq = np.sign(free) * np.maximum(np.abs(free) - FINE / inertia * dry, 0.0)
         q = q + FINE * dq
+    return _record(rows, 2.0 * np.pi / 16_000)
+
+
+def _record(rows: list[tuple[float, ...]], step: float) -> Record:
+    """Return rows of time, lower angle, torque and upper angle, read by encoders of a step."""
     t, lower, torque, upper = np.array(rows).T
-    step = 2.0 * np.pi / 16_000
     columns = {
         "t": t, "q_m": step * np.round(lower / step), "tau_cmd": torque,
         "q_l": step * np.round(upper / step),
@@ -115,14 +119,7 @@ def swings(start: float) -> Record:
         pull = np.array([u - twist, twist - WEIGHT * np.sin(q[1])]) - 2e-3 * dq
         dq = dq + FINE * pull / inertia
         q = q + FINE * dq
-    t, lower, torque, upper = np.array(rows).T
-    step = 2.0 * np.pi / 200_000
-    columns = {
-        "t": t, "q_m": step * np.round(lower / step), "tau_cmd": torque,
-        "q_l": step * np.round(upper / step),
-    }  # fmt: skip
-    units = {"t": "s", "q_m": "rad", "tau_cmd": "N m", "q_l": "rad"}
-    return Record(columns, units, structure=SHAPE.name)
+    return _record(rows, 2.0 * np.pi / 200_000)
 
 
 @pytest.mark.slow

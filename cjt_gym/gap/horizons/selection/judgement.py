@@ -99,8 +99,8 @@ class Judgement:
         What a model lacks shifts its numbers. How far is not known, but hardly less than in
         proportion to the errors that it leaves. Errors that are faint do not count.
         """
-        rows = [row for row in self.rows if row.floor and row.found > NEGLIGIBLE]
-        return max([1.0, *(row.found / (row.floor or row.found) for row in rows)])
+        ratios = [r.found / r.floor for r in self.rows if r.floor and r.found > NEGLIGIBLE]
+        return max([1.0, *ratios])
 
     @property
     def cut(self) -> bool:
