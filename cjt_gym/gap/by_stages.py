@@ -18,6 +18,7 @@ from cjt_gym.gap.diagnosis import (
     StageGap,
     Suggestion,
     Unexplained,
+    told_symbols,
 )
 from cjt_gym.gap.digits import plain
 from cjt_gym.gap.evidence import Source
@@ -31,9 +32,10 @@ from cjt_gym.gap.judged.replay import Written, steps, written
 from cjt_gym.gap.judged.together import together, with_scale_of_torques
 from cjt_gym.gap.next_record.suggest import cautious, suggest
 from cjt_gym.gap.recorded.fields import Fields
-from cjt_gym.gap.recorded.missing import not_judged, undamped
+from cjt_gym.gap.recorded.missing import not_judged
 from cjt_gym.gap.recorded.series import ENOUGH, Stretch
 from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
+from cjt_gym.gap.recorded.spring_damping import SYMBOL
 from cjt_gym.gap.recorded.tolerances import common_deviation
 from cjt_gym.gap.report.gather import gather, nothing_said, source_of
 from cjt_gym.gap.report.localize import where
@@ -185,8 +187,8 @@ def _report(
     problem = found.problem
     spread = covariance(problem, found.fit)
     setting = problem.stages.setting
-    common = common_deviation(setting.joint, cut=setting.cut_at_spring)
     named = name_effects(found, spread, settings if held_out else ())
+    common = common_deviation(setting.joint, cut=setting.cut_at_spring, but=told_symbols(named))
     named = tuple(with_scale_of_torques(effect, common) for effect in named)
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within.fields) for n in problem.stages.names}
@@ -221,8 +223,6 @@ def _report(
     drawn = gather(problem, fit, within, before["motor"])
     missing = not_judged(setting)
     said = (*missing, *open_instant(named, setting.series.dt))
-    if any(one.stage == "transmission" for one in left):
-        said = (*said, *undamped(setting))
     lying = where(setting, stages, before, problem.stages.first(fit.residuals))
     drawn = replace(
         drawn, regimes=lying, source=source, ladder=rungs, replays=replays,
@@ -267,6 +267,9 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
         if given and n.unknown.log and (deviation < KNOWN or abs(fit.z[k]) > MOVED):
             for field in (n.field, *n.along):
                 told[field] = (rounded(fields[field]), rounded(n.unknown.scale * deviation))
+        if n.field == SYMBOL and not n.unknown.log:
+            value = rounded(fields[SYMBOL])
+            told[SYMBOL] = (value, rounded(n.unknown.scale * deviation / value) if value else 0.0)
     return told
 
 

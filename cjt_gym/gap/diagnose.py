@@ -16,7 +16,7 @@ from cjt_gym.gap.check import examination_of
 from cjt_gym.gap.check.energy import NOT_THE_INPUT
 from cjt_gym.gap.check.faults import FACTOR, LIMITS, OTHERS, REFLECTED, SCALES, SLOPES, UNITS
 from cjt_gym.gap.check.instants import in_step
-from cjt_gym.gap.diagnosis import ENOUGH, NOTHING_LEFT, Diagnosis, Suggestion
+from cjt_gym.gap.diagnosis import ENOUGH, NOTHING_LEFT, Diagnosis, Suggestion, told_symbols
 from cjt_gym.gap.digits import plain
 from cjt_gym.gap.horizons.findings.answer import at_the_floor, judged, title_of
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
@@ -29,6 +29,7 @@ from cjt_gym.gap.recorded.given import JointLike, as_records, nominal_joint
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.orient import all_oriented
 from cjt_gym.gap.recorded.series import SHORTEST, Stretch, stretches
+from cjt_gym.gap.recorded.spring_damping import unstated_damping, with_spring_damping
 from cjt_gym.gap.recorded.tolerances import strained, unlisted, unnamed
 from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasured
 from cjt_gym.gap.stages.select import Progress, silent
@@ -112,7 +113,8 @@ def diagnose(
     file = with_smoothing(file, shape, pieces)
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
         turnable = len(given) == len(held) == 1
-        staged = by_stages(pieces, stretches(held), file, shape, progress, turnable=turnable)
+        damped = with_spring_damping(file, shape)
+        staged = by_stages(pieces, stretches(held), damped, shape, progress, turnable=turnable)
         ask, open_ = staged.ask, staged.diagnosis.suggestion
         found = replace(staged.diagnosis, examination=exam)
         if exam.at_rest:
@@ -124,6 +126,8 @@ def diagnose(
             found = at_the_floor(found, replace(file, structure=shape.name), measured=known)
         names = [e.name for e in found.effects]
         remarks += [*unlisted(file, found.joint, names), *unnamed(file, found.joint, names)]
+        if found.verdict != "no_gap":
+            remarks += unstated_damping(file, found.joint)
         joint = with_sensors(found.joint, found.effects, title_of(given[0]))
         found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:
@@ -133,8 +137,8 @@ def diagnose(
     if doubtful and found.suggestion.text == ENOUGH:
         text = separating(doubtful, exam.advice)
         found = replace(found, suggestion=Suggestion(text or ENOUGH))
-    told = {symbol for e in found.effects for symbol in e.parameters}
-    text = " ".join((found.unexplained.text, *strained(file, found.joint, told))).strip()
+    told = strained(file, found.joint, told_symbols(found.effects))
+    text = " ".join((found.unexplained.text, *told)).strip()
     found = replace(found, unexplained=replace(found.unexplained, text=text))
     found = replace(found, seconds=time.perf_counter() - started)
     return remarked(found, given, pieces, shape, remarks)

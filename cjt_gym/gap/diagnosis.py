@@ -86,6 +86,11 @@ class NamedEffect:
         return replace(self, confusable_with=tuple(rivals))
 
 
+def told_symbols(effects: Iterable[NamedEffect]) -> set[str]:
+    """Return the symbols of the numbers that effects tell."""
+    return {symbol for effect in effects for symbol in effect.parameters}
+
+
 @dataclass(frozen=True)
 class StageGap:
     """A stage's normalised residual: 1 is the level of the specified noise.

@@ -12,9 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from cjt_gym.gap.candidates.nuisances import FRICTION, WEIGHT
-from cjt_gym.gap.diagnosis import NamedEffect
+from cjt_gym.gap.diagnosis import NamedEffect, told_symbols
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.recorded.spring_damping import NOT_STATED
 from cjt_gym.gap.recorded.tolerances import OF_TORQUE, common_deviation
 from cjt_gym.gap.stages.as_rows import ROWS, Found, Number, in_symbols
 from cjt_gym.joint import EFFECTS, Effect, JointFile
@@ -63,14 +64,12 @@ def identified_joint(
     _share_smoothing(table, joint)
     if "lag" in refined and "current_lag" not in {effect.name for effect in named}:
         _refine_lag(table, *refined["lag"], source)
+    common = common_deviation(joint, cut=setting.cut_at_spring, but=told_symbols(named))
     if "coulomb" not in {effect.name for effect in named}:
         _refine_friction(table, refined, source)
     if "gravity" not in {effect.name for effect in named}:
-        _refine_weight(
-            table, refined, source, common_deviation(setting.joint, cut=setting.cut_at_spring)
-        )
+        _refine_weight(table, refined, source, common)
     p = joint.parameters
-    common = common_deviation(setting.joint, cut=setting.cut_at_spring)
     known = {
         symbol: (value, rounded(math.hypot(own, common)) if symbol.startswith(OF_TORQUE) else own)
         for symbol, (value, own) in refined.items()
@@ -192,12 +191,15 @@ def _refined(
         value, deviation = numbers[0], min(numbers[1], WIDEST)
         old = quantities[symbol]
         how = "corrected from the guess of" if old.guess else "refined from"
+        stated = f"{how} {old.number:.6g}" if old.source != NOT_STATED else "not stated"
         inside = not old.guess and abs(value - old.number) <= TOLERATED * (
             old.tolerance or math.inf
         ) * abs(old.number)
         within = " within its tolerance" if inside else ""
-        text = f"{how} {old.number:.6g}{within}, {source}"
-        found[symbol] = replace(old, value=value, source=text, tolerance=deviation, guess=False)
+        text = f"{stated}{within}, {source}"
+        found[symbol] = replace(
+            old, value=value, source=text, tolerance=deviation or None, guess=False
+        )
         back = quantities.get(f"{symbol}_n")
         if back is not None and back.number == old.number:
             found[f"{symbol}_n"] = replace(back, value=value, source=text, tolerance=deviation)

@@ -16,7 +16,6 @@ from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
 from cjt_gym.gap.horizons.prediction.model import quiet
-from cjt_gym.gap.recorded.missing import undamped
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fit import Model, Problem
@@ -237,17 +236,6 @@ def test_a_delay_shorter_than_the_record_shows_is_not_confirmed() -> None:
         (told,) = allowed_by(replace(found, effects=(late,), examination=exam), {}).effects
         assert told.status == status
         assert ("longer delays" in told.doubt) == (status == "tentative")
-
-
-@pytest.mark.parametrize("stated", [True, False])
-def test_a_spring_without_a_stated_damping_is_told(stated: bool) -> None:
-    file = nominal()
-    kept = {k: q for k, q in file.parameters.quantities.items() if k != "d_gl"}
-    damping = {"d_gl": Quantity(0.5, "N m s/rad", "test")} if stated else {}
-    file = replace(file, parameters=replace(file.parameters, quantities={**kept, **damping}))
-    record = only(simulate(1.0), "q_m", "q_l", "tau", "i", "i_cmd")
-    said = " ".join(undamped(make_setting(record, file, get_structure(FIXED))))
-    assert ("no damping d_gl" in said) == (not stated)
 
 
 def test_pairs_that_one_experiment_tells_apart_are_told_together() -> None:

@@ -10,10 +10,10 @@ import numpy as np
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.fields import Fields, own_field
 from cjt_gym.gap.recorded.setting import Setting
-from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
+from cjt_gym.gap.recorded.spring_damping import SYMBOL, critical, is_stated
+from cjt_gym.gap.recorded.tolerances import GUESSED, assumed_tolerance, tolerance_of
 from cjt_gym.joint.files.quantity import Quantity
 
-DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
 LATE = 2e-5
 """Standard deviation of the delay of one channel relative to another [s]."""
 CURRENT_OFFSET, TORQUE_OFFSET = 0.35, 0.75
@@ -31,6 +31,8 @@ OWN = ("i_0", "tau_0", "q_0", "centre_g")
 BLURRED = 0.3
 """Relative deviation of inertia and damping if a log is too slow to follow the joint's swing."""
 LAG_TOLERANCE = 0.2
+UNSTATED = 0.05
+"""Deviation of the damping of a spring that a joint file does not state, over the critical one."""
 STRETCH, FURTHEST, ANYWHERE = 30.0, 5.0, 100.0
 """Largest change of a datasheet value in a fit: in standard deviations, as a factor, and as a
 factor of a guess."""
@@ -114,7 +116,7 @@ def tolerance(setting: Setting, field: str) -> float:
         return max(quantity.tolerance, 1e-4)
     if _is_guess(setting, field):
         return GUESSED
-    return DEFAULT_TOLERANCE.get(field, DEFAULT_TOLERANCE.get(field[0], 0.05))
+    return assumed_tolerance(field)
 
 
 def guesses_of(setting: Setting, body: str) -> tuple[str, ...]:
@@ -162,6 +164,11 @@ def _parameters(setting: Setting) -> list[Nuisance]:
         unknown = Number(name, unit, start, scale, True, low=start / far, high=start * far)
         along = guesses_of(setting, name[2])[1:] if name.startswith("I_") else ()
         rows.append(Nuisance(name, unknown, stages_of(setting, name), along))
+    if setting.has_spring and not is_stated(setting.joint):
+        most = critical(setting.joint, setting.structure)
+        unit = setting.joint.parameters.unit(SYMBOL)
+        unknown = Number(SYMBOL, unit, 0.0, UNSTATED * most, low=0.0, high=most)
+        rows.append(Nuisance(SYMBOL, unknown, stages_of(setting, SYMBOL)))
     return rows
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.diagnosis import Interval, NamedEffect, told_symbols
 from cjt_gym.gap.identified import rounded
 from cjt_gym.gap.judged.replay import written
 from cjt_gym.gap.recorded.tolerances import common_deviation, is_torque
@@ -73,7 +73,7 @@ def together(
         slopes[:, k] = (numbers(fit.z + ahead) - numbers(fit.z - ahead)) / (2.0 * STEP)
     values = np.array([_numbers(joint)[name] for name in units])
     scaled = values * np.array([float(is_torque(unit)) for unit in units.values()])
-    common = common_deviation(setting.joint, cut=setting.cut_at_spring)
+    common = common_deviation(setting.joint, cut=setting.cut_at_spring, but=told_symbols(named))
     matrix = slopes @ spread.matrix @ slopes.T + common**2 * np.outer(scaled, scaled)
     kept = np.flatnonzero(np.isfinite(slopes).all(axis=1) & (np.diag(matrix) > 0.0))
     table = {

@@ -87,13 +87,3 @@ def _alike(setting: Setting) -> list[tuple[str, str]]:
 def undecided(setting: Setting, name: str) -> bool:
     """Return whether an effect has such a twin."""
     return any(name in pair for pair in _alike(setting))
-
-
-def undamped(setting: Setting) -> tuple[str, ...]:
-    """Return a sentence on the damping of a spring, if the joint file states none."""
-    if not setting.has_spring or "d_gl" in setting.joint.parameters.quantities:
-        return ()
-    return (
-        "The joint file states no damping d_gl of the spring, which then counts as none: give a "
-        "value, or one with guess = true.",
-    )

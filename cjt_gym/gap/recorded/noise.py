@@ -30,9 +30,10 @@ QUIET = 0.25
 """Share of quietest windows from which a channel's noise is estimated."""
 
 
-FINEST = 1e-4
-"""Smallest deviation of an unspecified channel as a share of its spread, as of a 13 bit converter.
-Otherwise rounding errors would decide in a simulated record without noise."""
+FINEST, SEEN = 1e-4, 1e-6
+"""Smallest deviation of an unspecified channel as a share of its spread, as of a 13 bit converter,
+and where its samples show white noise. Otherwise rounding errors would decide in a simulated record
+without noise."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def channel_noise(
     elif white and 0.0 < OVERSTATED * observed < specified:
         std = max(observed, floor)
     if specified == 0.0:
-        std = max(std, FINEST * float(np.std(x)))
+        std = max(std, (SEEN if white and observed > 0.0 else FINEST) * float(np.std(x)))
     most = max(2.0 * slope, MOST_JITTER * series.dt)
     shown = observed_jitter(x, series.valid[name], series.speed(name), most)
     if shown > slope:  # what the clock scatters is no noise of the channel

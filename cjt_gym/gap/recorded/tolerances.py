@@ -22,6 +22,8 @@ FAR = 1.5
 LEAST = 0.01
 """Relative deviation that an identified value always has: sensors are no better."""
 SMOOTHING = "dq_0"
+ASSUMED = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
+"""Relative tolerances of values that state none, by symbol or its first letter."""
 OF_TORQUE = ("k_t", "k_b", "k_g", "I_", "d_")
 """Beginnings of the symbols of values that scale with the torque."""
 
@@ -37,7 +39,12 @@ def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
     return math.inf if stated >= VAGUE else max(stated, 1e-3)
 
 
-def common_deviation(file: JointFile, *, cut: bool) -> float:
+def assumed_tolerance(symbol: str) -> float:
+    """Return the relative tolerance that a datasheet value has if it states none."""
+    return ASSUMED.get(symbol, ASSUMED.get(symbol[0], 0.05))
+
+
+def common_deviation(file: JointFile, *, cut: bool, but: Collection[str] = ()) -> float:
     """Return the relative deviation of what a torque sensor of unknown scale leaves open.
 
     If it reads too much, all values that a torque is a part of are found too large by one factor,
@@ -46,11 +53,12 @@ def common_deviation(file: JointFile, *, cut: bool) -> float:
     Args:
         file: The datasheet.
         cut: Whether a measured torque cuts the joint into stages.
+        but: Symbols of values that are not as the datasheet states.
     """
     known = [
         q.tolerance
         for symbol, q in file.parameters.quantities.items()
-        if symbol.startswith(OF_TORQUE) and q.tolerance and not q.guess
+        if symbol.startswith(OF_TORQUE) and q.tolerance and not q.guess and symbol not in but
     ]
     return 1.0 / math.sqrt(sum(x**-2 for x in known)) if cut and known else 0.0
 
@@ -114,22 +122,21 @@ def strained(file: JointFile, found: JointFile, named: Collection[str]) -> list[
         found: The joint that was found.
         named: Symbols whose values a diagnosis tells.
     """
-    moved: dict[str, list[str]] = {f"{FAR:g} to {OUTSIDE:g}": [], f"more than {OUTSIDE:g}": []}
-    some, many = moved.values()
+    moved: dict[str, list[str]] = {}
     for symbol, old in file.parameters.quantities.items():
         new = found.parameters.quantities.get(symbol)
-        if new is None or symbol in named or old.guess or not old.tolerance or not old.number:
+        if new is None or symbol in named or old.guess or not old.number:
             continue
-        far = abs(new.number / old.number - 1.0) / old.tolerance
-        vague = old.tolerance >= VAGUE  # free like a guess, so that no other word is said of it
-        if far > FAR and (vague or far <= OUTSIDE):
-            told = f"{symbol} {new.number:.3g} {old.unit} for {old.number:.3g}"
-            (some if far <= OUTSIDE else many).append(told)
-    return [
-        f"Refined by {times} times the datasheet's tolerance: {', '.join(said)}."
-        for times, said in moved.items()
-        if said
-    ]
+        tolerance = old.tolerance or assumed_tolerance(symbol)
+        far = abs(new.number / old.number - 1.0) / tolerance
+        # of a stated tolerance that a value has left, another word is said if it is no guess
+        told = far <= OUTSIDE or tolerance >= VAGUE or not old.tolerance
+        if far > FAR and told:
+            times = f"{FAR:g} to {OUTSIDE:g}" if far <= OUTSIDE else f"more than {OUTSIDE:g}"
+            whose = "the datasheet's" if old.tolerance else "the assumed"
+            value = f"{symbol} {new.number:.3g} {old.unit} for {old.number:.3g}"
+            moved.setdefault(f"Refined by {times} times {whose} tolerance", []).append(value)
+    return [f"{how}: {', '.join(said)}." for how, said in sorted(moved.items())]
 
 
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:

@@ -9,25 +9,56 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.gap.digits import plain
+from cjt_gym.gap.recorded.noise import lattice_step
 from cjt_gym.records import FloatArray, Record
 
 COPIES = (("i", "i_cmd"), ("tau_m", "tau_cmd"))
 """Measurements and the commands that some logs write in their place."""
 SAME = 1e-3
 """Largest difference between the two, relative to the command's range: other units round."""
+EACH_STEP = 0.1
+"""Largest difference between a torque and a multiple of the deflection, relative to what one step
+of an encoder is in it. A torque sensor does not feel those steps."""
+OPPOSED = 0.02
+"""Largest relative difference between the multiples of the two angles of a deflection."""
 
 
 def unmeasured(record: Record) -> dict[str, tuple[str, str]]:
-    """Return the columns that stand for no measurement, each with its command and what it does.
+    """Return the columns that stand for no measurement, each with what counts alone, and why.
 
-    Some logs repeat the command in their place, or hold a value that never changes.
+    Some logs repeat the command in their place, or hold a value that never changes. A joint torque
+    that is computed from the spring's deflection tells nothing beyond the angles.
     """
     found: dict[str, tuple[str, str]] = {}
     for name, command in COPIES:
         if name in record and command in record:
             said = _in_place_of(record[name], record[command])
             found |= {name: (command, said.format(command))} if said else {}
+    stiffness = _computed_with(record)
+    if stiffness is not None:
+        unit = f"{record.units['tau']}/{record.units['q_m']}"
+        said = f"is {plain(stiffness)} {unit} times the deflection, with each step of an encoder"
+        found["tau"] = "the deflection", said
     return found
+
+
+def _computed_with(record: Record) -> float | None:
+    """Return the stiffness by which a joint torque was computed from the deflection, if it was."""
+    names = [name for name in ("q_m", "q_l") if name in record]
+    if "tau" not in record or "q_m" not in names:
+        return None
+    known = np.all([np.isfinite(record[name]) for name in ("tau", *names)], axis=0)
+    tau, angles = record["tau"][known], [record[name][known] for name in names]
+    if len(tau) <= len(angles) or np.ptp(angles[0]) <= 0.0:
+        return None
+    matrix = np.column_stack([*angles, np.ones(len(tau))])
+    slopes = np.linalg.lstsq(matrix, tau, rcond=None)[0]
+    if len(angles) == 2 and abs(slopes[0] + slopes[1]) > OPPOSED * abs(slopes[0]):
+        return None
+    step = max(abs(k) * lattice_step(q) for k, q in zip(slopes, angles, strict=False))
+    left = float(np.std(tau - matrix @ slopes))
+    return float(abs(slopes[0])) if left < EACH_STEP * step else None
 
 
 def _in_place_of(x: FloatArray, command: FloatArray) -> str:

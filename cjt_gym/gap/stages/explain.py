@@ -91,7 +91,7 @@ def explain(
     )
     found = selection.run()
     fit = simplify(problem, found, selection.candidates)
-    fit = enrich(problem, fit, selection.seen)
+    fit = enrich(problem, fit, selection.seen, selection.candidates)
     fit, tried = freed(problem, fit, selection.seen)
     selection.seen += tried
     fit = likelier_twins(problem, fit, selection.candidates)

@@ -80,6 +80,9 @@ class Problem:
     stages: Stages  # the record's stages, tuned
     shared: tuple[Nuisance, ...] = ()  # nuisances
     counts: dict[str, int] = field(default_factory=dict)  # number of samples that count, by stage
+    # mean square below which lowering a residual is no improvement, by stage, where it is another
+    # than that of noise as it is stated or allowed for
+    floors: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, stages: Stages) -> Problem:
@@ -132,6 +135,10 @@ class Problem:
         """Return the mean square of each stage's residual."""
         return {n: float(r @ r) / max(self.counts[n], 1) for n, r in residuals.items()}
 
+    def floor(self, stage: str) -> float:
+        """Return the mean square of a stage's residual from which lowering it is no improvement."""
+        return self.floors.get(stage, FLOOR**2)
+
     def has_prior(self, model: Model) -> NDArray[np.bool_]:
         """Return which coordinates of a model have a prior, shape (p,)."""
         return np.array([u.prior for u in self.unknowns(model)], dtype=bool)
@@ -155,7 +162,7 @@ class Problem:
         for name, ms in mean_square.items():
             if not np.isfinite(ms):
                 return np.inf
-            ratio = ms / FLOOR**2
+            ratio = ms / self.floor(name)
             excess = np.log(ratio) if ratio > 1 else ratio - 1 if below else 0.0
             total += self.counts[name] / DEFLATION * excess
         return float(total)
@@ -301,7 +308,7 @@ class Problem:
     def _linearised(
         self, model: Model, jacobian: dict[str, Floats], ms: dict[str, float]
     ) -> _Linearised:
-        weights = {name: 2.0 / DEFLATION / max(ms[name], FLOOR**2) for name in jacobian}
+        weights = {n: 2.0 / DEFLATION / max(ms[n], self.floor(n)) for n in jacobian}
         prior = self.has_prior(model).astype(np.float64)
         return _Linearised(model, jacobian, weights, prior)
 

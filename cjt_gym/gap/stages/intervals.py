@@ -35,13 +35,34 @@ TORQUES = ("k_t", "r")
 
 @dataclass(frozen=True)
 class Covariance:
-    """Covariance of a fit's coordinates, shape (p, p)."""
+    """Covariance of a fit's coordinates.
 
-    matrix: Floats
+    Attributes:
+        curved: That of the curvature of the likelihood, shape (p, p).
+        scattered: That of the scatter of its gradient, shape (p, p).
+    """
+
+    curved: Floats
+    scattered: Floats
+
+    @property
+    def matrix(self) -> Floats:
+        """The larger of the two for each coordinate, with a margin for model error, (p, p)."""
+        ratio = np.diag(self.scattered) / np.diag(self.curved)
+        grow = np.sqrt(np.maximum(ratio, 1.0)) * INFLATION
+        return self.curved * np.outer(grow, grow)
 
     def std(self, index: int) -> float:
         """Return the standard deviation of a coordinate."""
-        return float(np.sqrt(max(self.matrix[index, index], 0.0)))
+        return self.std_along(np.eye(len(self.curved))[index])
+
+    def std_along(self, direction: Floats) -> float:
+        """Return the standard deviation of a sum of coordinates, with these weights, shape (p,).
+
+        A few blocks may scatter too little by chance: the larger of the two deviations counts.
+        """
+        both = (float(direction @ one @ direction) for one in (self.curved, self.scattered))
+        return float(INFLATION * np.sqrt(max(*both, 0.0)))
 
 
 def covariance(problem: Problem, fit: Fit) -> Covariance:
@@ -61,10 +82,7 @@ def covariance(problem: Problem, fit: Fit) -> Covariance:
         scatter += sums.T @ sums
     scale = 1.0 / np.sqrt(np.diag(curvature))  # for the inversion: columns differ greatly in size
     inverse = np.linalg.inv(curvature * np.outer(scale, scale)) * np.outer(scale, scale)
-    sandwich = inverse @ scatter @ inverse
-    # A few blocks may scatter too little by chance: the larger of the two deviations counts.
-    grow = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0)) * INFLATION
-    return Covariance(inverse * np.outer(grow, grow))
+    return Covariance(inverse, inverse @ scatter @ inverse)
 
 
 def effect_intervals(
@@ -87,7 +105,7 @@ def effect_intervals(
         out[unknown.symbol] = Interval(value, ends[0], ends[1], unit)
     released = effects[index].releases
     if released is not None and released in out:
-        out[released] = _with_tolerance(problem, fit, released, out[released])
+        out[released] = _with_tolerance(problem, fit, index, out[released], spread)
     if effects[index].name == "command_delay":
         out["delay"] = _whole_delay(problem, fit, out["delay"])
     return out
@@ -167,12 +185,25 @@ def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:
     return Interval(total, total - half, total + half, interval.unit)
 
 
-def _with_tolerance(problem: Problem, fit: Fit, field: str, interval: Interval) -> Interval:
-    """Return the value that the model uses: of an effect and its nuisance together."""
+def _with_tolerance(
+    problem: Problem, fit: Fit, index: int, interval: Interval, spread: Covariance
+) -> Interval:
+    """Return the value that the model uses: of an effect and its nuisance together.
+
+    What the one lacks the other makes up for, so that the record knows their product better.
+    """
+    field, (own,) = fit.model.effects[index].releases, fit.model.effects[index].unknowns
+    assert field is not None
     total = problem.fields(fit.model, fit.z)[field]
     if interval.value == 0.0:
         return interval
     factor = total / interval.value
     if not 0.5 < factor < 2.0:
         return interval
-    return Interval(total, interval.low * factor, interval.high * factor, interval.unit)
+    direction = np.zeros(len(fit.z))
+    direction[problem.span(fit.model, index)] = own.scale
+    for k, nuisance in enumerate(problem.shared):
+        if nuisance.field == field:
+            direction[k] = nuisance.unknown.scale
+    ratio = float(np.exp(NORMAL * max(spread.std_along(direction), EXACT)))
+    return Interval(total, total / ratio, total * ratio, interval.unit)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.recorded.missing import twins
-from cjt_gym.gap.stages.fit import FLOOR, MOVES, Fit, Model, Problem, retuned, without
+from cjt_gym.gap.stages.fit import MOVES, Fit, Model, Problem, retuned, without
 from cjt_gym.gap.stages.merit import LOG_SHARE, MARGIN, STRAIN, evidence
 from cjt_gym.gap.stages.periodic import periodic_starts
+from cjt_gym.gap.stages.select import compatible
 
 FREQUENCY_MOVES = 6
 """Steps of a fit from another frequency."""
@@ -30,6 +31,9 @@ COLOURED = 0.25
 DEEP = 0.15
 """Log reduction of a residual below the stated noise from which the law that brings it is chosen:
 where friction does not fall with speed, the law of falling friction brought none in simulation."""
+BENEATH = ("coulomb", "damping", "cogging", "gear_ripple")
+"""Effects that are sought below the stated noise: plain friction, of which hardly any body has only
+one law, and waves over the angle, which nothing else makes."""
 SLACK = 10.0
 """Evidence by which a simpler law may be worse."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
@@ -62,14 +66,14 @@ class Need:
 def need(problem: Problem, fit: Fit, index: int) -> Need:
     """Return what a model loses without one of its effects."""
     less = without(problem, fit, index)
+    least = {n: min(problem.floor(n), 1.0) for n in fit.mean_square}
     shares = {
-        n: 0.5 * float(np.log(max(less.mean_square[n], 1.0) / max(ms, 1.0)))
+        n: 0.5 * float(np.log(max(less.mean_square[n], least[n]) / max(ms, least[n])))
         for n, ms in fit.mean_square.items()
     }
     stage = max(shares, key=lambda n: shares[n])
     strain = problem.strain(less.z) - problem.strain(fit.z)
-    loss = evidence(problem, fit) - evidence(problem, less)
-    return Need(loss, shares[stage], stage, strain, less)
+    return Need(loss(problem, less, fit), shares[stage], stage, strain, less)
 
 
 def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list[Need]]:
@@ -97,23 +101,56 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> F
                     replaced(problem, fit, index, match[0]) for replaced in (_swapped, _in_place)
                 )
                 trial = max(trials, key=lambda one: evidence(problem, one))
-                if _as_good(trial, fit) and loss(problem, trial, fit) < SLACK:
+                if _as_good(problem, trial, fit) and loss(problem, trial, fit) < SLACK:
                     return simplify(problem, trial, candidates)
     return fit
 
 
-def enrich(problem: Problem, fit: Fit, seen: Sequence[Fit]) -> Fit:
+def enrich(problem: Problem, fit: Fit, seen: Sequence[Fit], candidates: Sequence[Candidate]) -> Fit:
     """Return the model with another law if that lowers a residual far below the noise.
 
-    This is a richer law of friction or another one of the drive. Noise that was stated, or allowed
-    for, too large hides this from the evidence, which has it as its floor.
+    This is a richer law of friction or another one of the drive, or one more effect. Noise that was
+    stated, or allowed for, too large hides this from the evidence, which has it as its floor.
     """
     for index in range(len(fit.model.effects)):
         for other in (*(one for _, one in richer(fit, seen, index)), *_driven(fit, seen, index)):
             trial = problem.fit(other.model, other.z)
             if lowers(trial, fit) > DEEP:
                 return trial
-    return fit
+    return _with_more(problem, fit, candidates)
+
+
+def _with_more(problem: Problem, fit: Fit, candidates: Sequence[Candidate]) -> Fit:
+    """Return the model with each effect more that lowers a residual far below the noise.
+
+    What they leave is the noise from then on.
+    """
+    may = [
+        h
+        for h in candidates
+        if h.name in BENEATH
+        and not h.variant
+        and h.key not in {e.key for e in fit.model.effects}
+        and compatible(fit.model, h)
+        and any(fit.mean_square.get(n, np.inf) < problem.floor(n) for n in h.touches)
+    ]
+    begun = [replace(h, starts=(start,)) for h in may for start in _starts(problem, fit, h)]
+    rough = [_with(problem, fit, h, moves=FEW_MOVES) for h in begun]
+    best = max(rough, key=lambda one: lowers(one, fit), default=fit)
+    if lowers(best, fit) <= DEEP:
+        return fit
+    best = problem.fit(best.model, best.z)
+    problem.floors |= {n: ms for n, ms in best.mean_square.items() if ms < problem.floor(n)}
+    return _with_more(problem, best, candidates)
+
+
+def _starts(problem: Problem, fit: Fit, effect: Candidate) -> tuple[tuple[float, ...], ...]:
+    """Return numbers of an effect from which it is fitted beside others: of a wave, several."""
+    if effect.search is None:
+        return effect.starts[:1]
+    residual = problem.stages.first(fit.residuals)["motor"]
+    fields = problem.fields(fit.model, fit.z)
+    return periodic_starts(problem.stages, fields, residual, effect.search)
 
 
 def _driven(fit: Fit, seen: Sequence[Fit], index: int) -> Iterator[Fit]:
@@ -224,7 +261,7 @@ def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...
         fresh = [h for h in pair if h.key not in {e.key for e in fit.model.effects}]
         if even is not None and any(h.name == even for h in fresh):
             trial = _swapped(problem, fit, index, *fresh)
-            if loss(problem, trial, fit) < NEAR or _as_good(trial, fit, COLOURED):
+            if loss(problem, trial, fit) < NEAR or _as_good(problem, trial, fit, COLOURED):
                 return split_asymmetry(problem, trial, candidates)
     return fit
 
@@ -307,9 +344,9 @@ def loss(problem: Problem, less: Fit, more: Fit) -> float:
     return evidence(problem, more) - evidence(problem, less)
 
 
-def _as_good(simple: Fit, full: Fit, share: float = SAME) -> bool:
-    floor = FLOOR**2
+def _as_good(problem: Problem, simple: Fit, full: Fit, share: float = SAME) -> bool:
+    floors = {n: problem.floor(n) for n in simple.mean_square}
     return all(
-        0.5 * np.log(max(ms, floor) / max(full.mean_square[n], floor)) < share
+        0.5 * np.log(max(ms, floors[n]) / max(full.mean_square[n], floors[n])) < share
         for n, ms in simple.mean_square.items()
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
-from cjt_gym.gap.stages.fit import DEFLATION, FLOOR, LONGEST, Fit, Model, Problem, difference
+from cjt_gym.gap.stages.fit import DEFLATION, LONGEST, Fit, Model, Problem, difference
 from cjt_gym.joint.kernel.arrays import Floats
 
 RELINEARISED = 3
@@ -183,7 +183,7 @@ class Look:
             hessian, gradient = np.diag(prior + 1e-9), prior * z
             for n, s in squares.items():
                 ms = s.at(move) / max(self.problem.counts[n], 1)
-                weight = 2.0 / DEFLATION / max(ms, FLOOR**2)
+                weight = 2.0 / DEFLATION / max(ms, self.problem.floor(n))
                 hessian = hessian + weight * s.h
                 gradient = gradient + weight * s.g
             damped = hessian + np.diag(1e-6 * np.diag(hessian))

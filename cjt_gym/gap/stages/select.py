@@ -11,7 +11,6 @@ import numpy as np
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.stages.fit import (
     DEFLATION,
-    FLOOR,
     MOVES,
     Fit,
     Model,
@@ -181,7 +180,9 @@ class Selection:
     def potential(self, fit: Fit, stages: Sequence[str]) -> float:
         """Return how much evidence one more effect could add at most."""
         gap = sum(
-            self.problem.counts[n] / DEFLATION * np.log(max(fit.mean_square[n] / FLOOR**2, 1.0))
+            self.problem.counts[n]
+            / DEFLATION
+            * np.log(max(fit.mean_square[n] / self.problem.floor(n), 1.0))
             for n in stages
         )
         strain = self._strain(fit, stages)

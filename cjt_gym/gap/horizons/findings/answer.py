@@ -24,10 +24,10 @@ from cjt_gym.gap.horizons.findings.naming import as_plain
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
 from cjt_gym.gap.horizons.findings.stages_kept import (
     BETTER,
-    as_nominal,
     standing,
     with_drag,
     with_late_drive,
+    without_open,
 )
 from cjt_gym.gap.horizons.findings.verdict import main_row
 from cjt_gym.gap.horizons.prediction.case import as_joint, make_case
@@ -80,7 +80,7 @@ def judged(
         shape: Structure of the joint.
         progress: Called with a description of the current step.
     """
-    first = as_nominal(first, file)
+    first = without_open(first, file)
     exam = first.examination
     excluded = {row.name: row.why for row in exam.cannot_tell} if exam is not None else {}
     try:

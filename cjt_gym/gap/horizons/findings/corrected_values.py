@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cjt_gym.gap.candidates.nuisances import USUAL_COMMAND, USUAL_CURRENT
-from cjt_gym.gap.diagnosis import NamedEffect
+from cjt_gym.gap.diagnosis import NamedEffect, told_symbols
 from cjt_gym.gap.digits import plain
 from cjt_gym.gap.horizons.fitting.datasheet import stated_tolerance
 from cjt_gym.gap.horizons.fitting.fit import Fit
@@ -91,7 +91,7 @@ def left_tolerance(judged: Judgement, effects: Sequence[NamedEffect]) -> list[Le
     Bodies that move as one count together.
     """
     nominal = judged.case.joint
-    named = {symbol for e in effects for symbol in e.parameters}
+    named = told_symbols(effects)
     moving = tuple(f"I_{b}" for b in body_group(nominal.structure_row, "m"))
     known = nominal.parameters.quantities
     found = []

@@ -15,6 +15,7 @@ from cjt_gym.gap.diagnosis import (
     Interval,
     NamedEffect,
     Unexplained,
+    told_symbols,
 )
 from cjt_gym.gap.horizons.findings.as_diagnosis import horizons_of
 from cjt_gym.gap.horizons.findings.corrected_values import LATE, corrected, gave_way, left_tolerance
@@ -47,9 +48,6 @@ MOSTLY = 0.5
 """Predictable share of the squared error above which the stages' effects explain too little."""
 DRAGS = ("damping", "viscous_asym")
 """Effects whose drag grows in proportion to the speed."""
-UNDAMPED = "the spring's damping d_gl, not stated, may take its place"
-"""Doubt of what damping of a spring looks like."""
-SPRING_LIKE = ("spring_hysteresis", "torque_delay")
 OF_VALUES = {
     "k_t": "torque_constant", "k_b": "stiffness", "k_g": "gear_stiffness", "I_l": "load_inertia"
 }  # fmt: skip
@@ -58,21 +56,13 @@ ABOVE_THE_NOISE = "what is left is above the noise that the joint file states"
 """Doubt of a value whose stage does not come down to its noise."""
 
 
-def as_nominal(first: Diagnosis, file: JointFile) -> Diagnosis:
-    """Return the stages' diagnosis without causes that the joint file leaves open."""
-    first = _without_open(first, file)
-    if file.parameters.get("d_gl", 0.0) > 0.0:
-        return first
-    effects = (e.doubted(UNDAMPED) if e.name in SPRING_LIKE else e for e in first.effects)
-    return replace(first, effects=tuple(effects))
-
-
 def standing(first: Diagnosis, found: Judgement) -> Diagnosis:
     """Return the stages' diagnosis as far as the predictions of its joint, the answer, bear out."""
     known = freeze({**first.joint.found, **found_at(found)})
     first = replace(first, joint=replace(first.joint, found=known))
     told = _held(_doubted(_cleared(first, found), found), found)
-    common = common_deviation(found.case.joint.file, cut=found.cut)
+    file = found.case.joint.file
+    common = common_deviation(file, cut=found.cut, but=told_symbols(told.effects))
     told = widened(told, Wider(found.misfit, common), _aside(told, found))
     told = with_drag(with_late_drive(told, found), found)
     told = _with_stated_value(told, found)
@@ -111,7 +101,7 @@ def with_late_drive(told: Diagnosis, found: Judgement) -> Diagnosis:
     return replace(told, verdict=verdict if late else told.verdict, effects=effects)
 
 
-def _without_open(first: Diagnosis, file: JointFile) -> Diagnosis:
+def without_open(first: Diagnosis, file: JointFile) -> Diagnosis:
     """Return a diagnosis in which datasheet values that are left open are no causes."""
     effects = tuple(
         e

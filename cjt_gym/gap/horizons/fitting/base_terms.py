@@ -10,6 +10,7 @@ from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fitting.datasheet import datasheet_number, inertias_at
 from cjt_gym.gap.horizons.fitting.terms import BODIES, sets
 from cjt_gym.gap.horizons.prediction.model import Draft, Free, Put, Scales, Term, body_group
+from cjt_gym.gap.recorded.spring_damping import SYMBOL, USUAL, critical
 from cjt_gym.gap.recorded.tolerances import GUESSED, VAGUE, stated, tolerance_of
 from cjt_gym.joint import Joint, JointFile
 
@@ -23,8 +24,6 @@ BRAKED = 1.5
 little more than one, as a joint at its top speed does not accelerate; gravity may add to it."""
 BACKDRIVEN = 0.02
 """Share of the torque due to the motor above which its torque constant is fitted."""
-SPRING, DAMPED = "d_gl", 0.01
-"""The torsion bar's internal damping, and its usual share of the load's critical damping."""
 AS_GIVEN = 1e-3
 """Relative deviation of the inertia of a joint that coasts: the record shows only ratios to it."""
 LOOSE = 0.1
@@ -151,18 +150,17 @@ def _spring_damping(joint: Joint) -> Term:
 
     Few datasheets state it; without it the damping of motor and load would make up for it.
     """
-    file, p = joint.file, joint.parameters
-    moved = body_group(joint.structure_row, "m" if joint.structure_row.output_fixed else "l")
-    critical = 2.0 * math.sqrt(p.k_b * sum(p.get(f"I_{b}", 0.0) for b in moved))
-    start = p.get("d_gl", 0.0) or DAMPED * critical
-    stated = tolerance_of(file, "d_gl", math.inf)
-    scale = stated if p.get("d_gl", 0.0) > 0.0 and math.isfinite(stated) else GUESSED
-    number = Number(SPRING, "N m s/rad", start, scale, True, 1e-3 * start, max(critical, start))
+    file, known = joint.file, joint.parameters.get(SYMBOL, 0.0)
+    most = critical(file, joint.structure_row)
+    start = known or USUAL * most
+    stated = tolerance_of(file, SYMBOL, math.inf)
+    scale = stated if known > 0.0 and math.isfinite(stated) else GUESSED
+    number = Number(SYMBOL, "N m s/rad", start, scale, True, 1e-3 * start, max(most, start))
 
     def put(draft: Draft, values: Sequence[float]) -> None:
-        draft.parameters[SPRING] = values[0]
+        draft.parameters[SYMBOL] = values[0]
 
-    return Term("stiffness", (number,), put, channel=SPRING, nominal=(start,), told=False)
+    return Term("stiffness", (number,), put, channel=SYMBOL, nominal=(start,), told=False)
 
 
 def freed(terms: Sequence[Term]) -> list[Term]:
