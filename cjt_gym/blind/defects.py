@@ -12,9 +12,11 @@ from cjt_gym.blind.joints import Datasheet
 from cjt_gym.blind.plant import CHANNELS, Floats, Structure, World
 from cjt_gym.errors import unknown_name
 
-DEFECTS: Final = ("noise", "jitter", "gaps", "missing", "guess", "command_only")
+ROUGH: Final = ("noise", "jitter", "gaps", "missing", "guess", "command_only")
 """Wrongly stated noise, sampling jitter, gaps, a channel that was not recorded, guessed inertias,
 and records with only the command and the motor angle."""
+DEFECTS: Final = (*ROUGH, "bare")
+"""The same, and a datasheet that states neither sensors nor tolerances nor a damping of the bar."""
 NOISE: Final = (0.5, 3.0)
 """Stated noise over the true one."""
 NOISIER: Final = 1.2
@@ -66,6 +68,7 @@ class Defects:
             channels=tuple(name for name in sheet.channels if name not in self.missing),
             values=sheet.values | {s: sheet.values[s] * f for s, f in self.guesses.items()},
             guesses=tuple(self.guesses),
+            bare="bare" in self.kinds,
         )
 
     def lost(self, columns: Columns, dt: float, rng: np.random.Generator) -> Columns:
@@ -95,6 +98,7 @@ class Defects:
             "missing": {"channels": list(self.missing)},
             "guess": {"guessed_over_stated": dict(self.guesses)},
             "command_only": {"channels": list(self.missing)},
+            "bare": {},
         }
         return {kind: told[kind] for kind in self.kinds}
 

@@ -49,24 +49,27 @@ def datasheet_text(sheet: Datasheet, name: str) -> str:
         }
     values = {}
     for symbol in ORDER:
+        if sheet.bare and symbol == "d_gl":
+            continue
         unit = {"n": "-", "k_t": "N m/A"}.get(symbol) or UNITS[symbol[0]]
         values[symbol] = _entry(sheet.values[symbol], unit, **_known(sheet, symbol))
+    sampling = {"dt": _entry(sheet.dt, "s"), "jitter": _entry(sheet.jitter, "s")}
     return to_toml(
         {
             "name": name,
             "source": "datasheet of the joint; tolerance is one sigma, relative",
             "parameters": values | {"i_p": _entry(sheet.i_p, "A")},
             "effects": {"current_lag": {"bandwidth": _entry(sheet.bandwidth, "Hz")}},
-            "sensors": sensors,
-            "sampling": {"dt": _entry(sheet.dt, "s"), "jitter": _entry(sheet.jitter, "s")},
+            **({} if sheet.bare else {"sensors": sensors, "sampling": sampling}),
         }
     )
 
 
 def _known(sheet: Datasheet, symbol: str) -> dict[str, Any]:
     """Return the guess or tolerance of a value, as in its entry."""
-    guessed = symbol in sheet.guesses
-    return {"guess": True} if guessed else {"tolerance": sheet.tolerances.get(symbol)}
+    if symbol in sheet.guesses:
+        return {"guess": True}
+    return {} if sheet.bare else {"tolerance": sheet.tolerances.get(symbol)}
 
 
 def _entry(value: float, unit: str, **known: Any) -> Inline:

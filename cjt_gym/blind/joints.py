@@ -43,6 +43,8 @@ class Datasheet:
     dt: float  # time between samples [s]
     jitter: float  # standard deviation of the sampling instants [s]
     guesses: tuple[str, ...] = ()  # parameters marked as guesses instead of having a tolerance
+    # whether its file leaves out sensors, sampling, tolerances and the damping of the bar
+    bare: bool = False
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:

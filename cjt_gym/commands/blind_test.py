@@ -43,7 +43,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "scale factor for all effects, such as 0.1; default 1"
     add("--strength", type=float, default=1.0, help=text)
     add("--duration", type=float, default=10.0, help="duration of each record [s], default 10")
-    add("--logs", default="clean", help="clean, or rough as real ones are; default clean")
+    add(
+        "--logs",
+        default="clean",
+        help="clean, rough as real ones are, or bare: with a datasheet as most are",
+    )
     add("--workers", type=int, default=2, help="processes, default 2")
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from cjt_gym import cli
-from cjt_gym.blind import DEFECTS, KNOWN, OUTSIDE
-from cjt_gym.blind.mix import BLOCKS, recipe
+from cjt_gym.blind import KNOWN, OUTSIDE
+from cjt_gym.blind.defects import ROUGH
+from cjt_gym.blind.mix import BLOCKS, OF_SENSORS, recipe
 from cjt_gym.blind.plan import can_go_together
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.commands import blind_test
@@ -39,7 +40,9 @@ def test_shares_of_a_block(logs: str) -> None:
     recipes = [recipe(3, k, logs=logs) for k in range(80)]
     assert Counter(r.kind for r in recipes) == {kind: 2 * n for kind, n in BLOCKS[logs].items()}
     singles = Counter(r.effects[0] for r in recipes if r.kind == "single")
-    assert logs == "rough" or set(singles) == set(KNOWN)
+    unseen = set(OF_SENSORS) if logs == "bare" else set()
+    assert logs == "rough" or set(singles) == set(KNOWN) - unseen
+    assert all(r.defects == ("bare",) for r in recipes) == (logs == "bare")
     assert max(singles.values()) == 2
     for r in recipes:
         assert can_go_together(r.effects)
@@ -55,11 +58,11 @@ def test_every_defect_has_its_turn() -> None:
     assert all(recipe(3, k).defects == () for k in range(40))
     recipes = [recipe(3, k, logs="rough") for k in range(48)]
     count = Counter(name for r in recipes for name in r.defects)
-    assert set(count) == set(DEFECTS)
+    assert set(count) == set(ROUGH)
     assert all(r.defects for r in recipes)
     assert all(not {"missing", "command_only"} <= set(r.defects) for r in recipes)
-    fewest = dict.fromkeys(DEFECTS, 8) | {"missing": 1}
-    assert all(count[name] >= fewest[name] for name in DEFECTS)
+    fewest = dict.fromkeys(ROUGH, 8) | {"missing": 1}
+    assert all(count[name] >= fewest[name] for name in ROUGH)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)

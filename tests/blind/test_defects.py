@@ -144,6 +144,23 @@ def test_files_tell_of_the_defects_what_a_user_would_know(
         assert (len(record) == 2000 and whole) == ("gaps" not in kinds)
 
 
+def test_a_bare_datasheet_states_values_and_nothing_of_how_well_they_are_known(
+    tmp_path: Path,
+) -> None:
+    plain, bare = (
+        write_case(case(*kinds), tmp_path / f"case_{len(kinds)}") for kinds in ((), ("bare",))
+    )
+    full, told = (load_joint_file(folder / "nominal.toml") for folder in (plain, bare))
+    assert full.sensors
+    assert full.sampling
+    assert not told.sensors
+    assert not told.sampling
+    known, left = full.parameters.quantities, told.parameters.quantities
+    assert known.keys() - left.keys() == {"d_gl"}
+    assert not any(q.tolerance or q.guess for q in left.values())
+    assert all(q.value == known[symbol].value for symbol, q in left.items())
+
+
 def test_jitter_is_that_of_the_instants() -> None:
     stds = [flaws.jitter for flaws in drawn("jitter")]
     assert all(std is not None and 0.02 * DT <= std <= 0.14 * DT for std in stds)
