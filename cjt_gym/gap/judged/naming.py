@@ -193,10 +193,13 @@ def _is_lopsided(found: Explanation, index: int, numbers: Mapping[str, Interval]
         for nuisance, z in zip(problem.shared, fit.z, strict=False)
         if nuisance.field in torque
     )
-    return offset or (
-        problem.stages.setting.current_unspecified
-        and any(_is_uneven(problem, fit, other, effect.body) for other in found.seen)
-    )
+    if offset or not problem.stages.setting.current_unspecified:
+        return offset
+    beside = [k for k, e in enumerate(fit.model.effects) if e.name == "torque_offset"]
+    values = [x for k in beside for x in problem.values(fit.model, fit.z, k).values()]
+    if any(abs(x) > UNEVEN * level for x in values):
+        return True
+    return any(_is_uneven(problem, fit, other, effect.body) for other in found.seen)
 
 
 def _is_uneven(problem: Problem, named: Fit, fit: Fit, body: str | None) -> bool:
