@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cjt_gym.blind import draw_case, write_case
+from cjt_gym.blind.mix import recipe
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.blind_case import diagnose_files
 from cjt_gym.gap.recorded.noise import channel_noise
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
@@ -106,3 +109,18 @@ def test_noise_that_shows_counts_however_far_a_joint_turns(tmp_path: Path) -> No
     smooth = made.with_columns({"q_m": np.sin(made["t"])})
     series = make_setting(smooth, file, get_structure(FREE)).series
     assert channel_noise(series, file, "q_m", 0.0).std == pytest.approx(7e-5, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_finer_law_is_chosen_below_the_noise(tmp_path: Path) -> None:
+    """Plain dry friction of 0.17 N m was confirmed in the place of bristles that slip at 0.19."""
+    made = recipe(501, 8, logs="bare")
+    assert made.effects == ("presliding",)
+    case = draw_case(
+        made.seed, effects=made.effects, structure=made.structure, defects=made.defects
+    )
+    told = diagnose_files(write_case(case, tmp_path / "case"))
+    (bristles,) = told["effects"]
+    assert (bristles["name"], bristles["status"]) == ("presliding", "confirmed")
+    true = case.label["parameters"]["presliding"]["d_cm"]
+    assert bristles["parameters"]["d_cm"]["low"] < true < bristles["parameters"]["d_cm"]["high"]

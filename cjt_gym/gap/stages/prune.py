@@ -140,6 +140,11 @@ def _with_more(problem: Problem, fit: Fit, candidates: Sequence[Candidate]) -> F
     if lowers(best, fit) <= DEEP:
         return fit
     best = problem.fit(best.model, best.z)
+    last, index = best.model.effects[-1], len(best.model.effects) - 1
+    laws = [h for h in candidates if last.name in SIMPLER.get(h.name, ()) and h.body == last.body]
+    tried = [_in_place(problem, best, index, law) for law in laws if law.name != last.name]
+    finer = max(tried, key=lambda one: lowers(one, best), default=best)
+    best = finer if lowers(finer, best) > DEEP else best
     problem.floors |= {n: ms for n, ms in best.mean_square.items() if ms < problem.floor(n)}
     return _with_more(problem, best, candidates)
 
