@@ -132,6 +132,22 @@ def test_only_a_computed_torque_follows_the_steps_of_the_encoders(structure: str
     assert "tau" not in unmeasured(sensed.with_columns({"tau": smooth}))
 
 
+def test_exchanged_encoders_are_told(tmp_path: Path) -> None:
+    for torque in ("measured", "computed", "missing"):
+        made = log(STRUCTURE, torque)
+        wrong = made.with_columns({"q_m": made["q_l"], "q_l": made["q_m"]})
+        for record, told in ((made, False), (wrong, True)):
+            faults = examine(record, sheet(tmp_path), STRUCTURE).faults
+            assert any("seem to be exchanged" in fault for fault in faults) == told
+
+
+@pytest.mark.slow
+def test_beside_exchanged_encoders_nothing_is_confirmed(tmp_path: Path) -> None:
+    made = log(STRUCTURE, "missing")
+    found = diagnose(made.with_columns({"q_m": made["q_l"], "q_l": made["q_m"]}), sheet(tmp_path))
+    assert not [e.name for e in found.effects if e.status == "confirmed"]
+
+
 def test_a_stated_damping_stays(tmp_path: Path) -> None:
     shape = get_structure(STRUCTURE)
     for more in ('d_gl = { value = 0.4, unit = "N m s/rad" }',

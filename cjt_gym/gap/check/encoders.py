@@ -1,7 +1,8 @@
-"""Whether the angles at both ends of a spring are read at the same instant.
+"""Whether the angles at both ends of a spring are those of its ends, read at the same instant.
 
 If one angle is read later than the other, it looks like a deflection proportional to the speed, and
-so like a spring that is too soft, with damping.
+so like a spring that is too soft, with damping. If they are exchanged, the spring seems to push
+where it pulls.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import nnls
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check.balance import Balance, factors, left_over
-from cjt_gym.gap.check.pieces import Columns, smooth
+from cjt_gym.gap.check.pieces import Columns, motion, smooth
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.kernel.arrays import Floats
@@ -25,6 +27,45 @@ BY_SPEED = 0.9
 SOFTEST = 0.5
 """Least plausible stiffness of a spring, relative to the datasheet's."""
 LATE = "q_l"
+TOLD, SURE = 0.5, 0.5
+"""Largest share of the torque that exchanged angles leave, and its ratio to what those in place
+leave, from which they are exchanged."""
+
+
+def exchanged(view: View) -> list[str]:
+    """Return a sentence if the motor's torque turns q_l, and a spring pulls q_m along."""
+    shape, ends = view.structure, ("q_m", LATE)
+    there = shape.has_spring and set(ends) <= set(view.channels) and view.drive is not None
+    if not there or shape.output_fixed or not all(view.channels[name].moves for name in ends):
+        return []
+    kept, turned = (_left_by_a_spring(view, *pair) for pair in (ends, ends[::-1]))
+    if turned > min(TOLD, SURE * kept):
+        return []
+    return [
+        f"The torque of {view.drive} turns q_l, and a spring then pulls q_m along: {turned:.0%} of "
+        f"the torque is left so, {kept:.0%} as they are mapped. q_m and q_l seem to be exchanged."
+    ]
+
+
+def _left_by_a_spring(view: View, driven: str, pulled: str) -> float:
+    """Return the share of the motor's torque that a body on a spring leaves unexplained.
+
+    Inertia, friction and stiffness are not negative; the zeros of both encoders are arbitrary.
+    """
+    y, columns = [], []
+    for piece in view.stretches:
+        if len(piece["t"]) > 2 * view.width:
+            own = motion(piece, driven, 1.0, view.width)
+            apart = own["q"] - smooth(piece[pulled], view.width)
+            one = np.ones_like(apart)
+            columns.append(np.stack([own["a"], own["v"], np.sign(own["v"]), apart, one, -one]))
+            y.append(smooth(view.driving(piece), view.width))
+    if not y:
+        return 1.0
+    torque, matrix = np.concatenate(y), np.concatenate(columns, axis=1).T
+    size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    left = nnls(matrix / size, torque - torque.mean())[1] ** 2 / len(torque)
+    return float(np.sqrt(left / max(float(np.var(torque)), 1e-300)))
 
 
 def late_angle(view: View) -> float:
