@@ -138,7 +138,7 @@ def diagnose(
         text = separating(doubtful, exam.advice)
         found = replace(found, suggestion=Suggestion(text or ENOUGH))
     told = strained(file, found.joint, told_symbols(found.effects))
-    text = " ".join((found.unexplained.text, *told)).strip()
+    text = " ".join((*told, found.unexplained.text)).strip()
     found = replace(found, unexplained=replace(found.unexplained, text=text))
     found = replace(found, seconds=time.perf_counter() - started)
     return remarked(found, given, pieces, shape, remarks)

@@ -192,9 +192,8 @@ def _refined(
         old = quantities[symbol]
         how = "corrected from the guess of" if old.guess else "refined from"
         stated = f"{how} {old.number:.6g}" if old.source != NOT_STATED else "not stated"
-        inside = not old.guess and abs(value - old.number) <= TOLERATED * (
-            old.tolerance or math.inf
-        ) * abs(old.number)
+        reach = TOLERATED * (old.tolerance or 0.0) * abs(old.number)
+        inside = not old.guess and abs(value - old.number) <= reach
         within = " within its tolerance" if inside else ""
         text = f"{stated}{within}, {source}"
         found[symbol] = replace(

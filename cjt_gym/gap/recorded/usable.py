@@ -45,12 +45,13 @@ def unmeasured(record: Record) -> dict[str, tuple[str, str]]:
 
 def _computed_with(record: Record) -> float | None:
     """Return the stiffness by which a joint torque was computed from the deflection, if it was."""
-    names = [name for name in ("q_m", "q_l") if name in record]
-    if "tau" not in record or "q_m" not in names:
+    names = [name for name in ("tau", "q_m", "q_l") if name in record]
+    if names[:2] != ["tau", "q_m"]:
         return None
-    known = np.all([np.isfinite(record[name]) for name in ("tau", *names)], axis=0)
-    tau, angles = record["tau"][known], [record[name][known] for name in names]
-    if len(tau) <= len(angles) or np.ptp(angles[0]) <= 0.0:
+    known = np.all([np.isfinite(record[name]) for name in names], axis=0)
+    tau, turned, *held = (record[name][known] for name in names)
+    angles = [turned, *(q for q in held if len(q) and np.ptp(q) > 0.0)]  # a locked output may rest
+    if len(tau) <= len(angles) or np.ptp(turned) <= 0.0:
         return None
     matrix = np.column_stack([*angles, np.ones(len(tau))])
     slopes = np.linalg.lstsq(matrix, tau, rcond=None)[0]

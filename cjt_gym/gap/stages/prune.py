@@ -9,7 +9,7 @@ import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.recorded.missing import twins
-from cjt_gym.gap.stages.fit import MOVES, Fit, Model, Problem, retuned, without
+from cjt_gym.gap.stages.fit import FLOOR, MOVES, Fit, Model, Problem, retuned, without
 from cjt_gym.gap.stages.merit import LOG_SHARE, MARGIN, STRAIN, evidence
 from cjt_gym.gap.stages.periodic import periodic_starts
 from cjt_gym.gap.stages.select import compatible
@@ -132,10 +132,11 @@ def _with_more(problem: Problem, fit: Fit, candidates: Sequence[Candidate]) -> F
         and not h.variant
         and h.key not in {e.key for e in fit.model.effects}
         and compatible(fit.model, h)
-        and any(fit.mean_square.get(n, np.inf) < problem.floor(n) for n in h.touches)
+        and any(fit.mean_square.get(n, np.inf) < FLOOR**2 for n in h.touches)
     ]
     begun = [replace(h, starts=(start,)) for h in may for start in _starts(problem, fit, h)]
-    rough = [_with(problem, fit, h, moves=FEW_MOVES) for h in begun]
+    # a wave explains nothing before its frequency is right
+    rough = [_with(problem, fit, h, moves=MOVES if h.search else FEW_MOVES) for h in begun]
     best = max(rough, key=lambda one: lowers(one, fit), default=fit)
     if lowers(best, fit) <= DEEP:
         return fit

@@ -38,7 +38,7 @@ from cjt_gym.gap.horizons.selection.stepwise import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.selection.worth import LOUDLY, Worth, worth
 from cjt_gym.gap.horizons.torque.baseline import least_squares
 from cjt_gym.gap.horizons.torque.inverse import ONE_WAY, is_inertia_alone_off, seen_in_torque
-from cjt_gym.gap.horizons.torque.over_angle import over_angle
+from cjt_gym.gap.horizons.torque.over_angle import over_angle, wave_of
 from cjt_gym.gap.recorded.tolerances import OUTSIDE
 from cjt_gym.joint import Joint
 
@@ -102,7 +102,7 @@ def judge(
     case = sharp(case, [joints[name] for name in ("datasheet", "stages") if name in joints])
     if stages is not None and _suffices(case, joints, own, enough, explained):
         return _settled(case, joints, "stages")
-    base, terms = _proposed(case, own, excluded)
+    base, terms = _proposed(case, own, excluded, stages)
     plain = best_start(Problem(case.fit), base)
     case = sharp(case, [plain.model.at(plain.z)], SHARPER)
     problem, test = Problem(case.fit), Problem(case.test)
@@ -187,9 +187,12 @@ def _misses_wave(case: Case, joint: Joint) -> bool:
 
 
 def _proposed(
-    case: Case, own: Sequence[Term], excluded: Collection[str]
+    case: Case, own: Sequence[Term], excluded: Collection[str], stages: Joint | None
 ) -> tuple[Model, list[Term]]:
-    """Return the datasheet's model, and the terms that a search may add to it."""
+    """Return the datasheet's model, and the terms that a search may add to it.
+
+    It cannot find the frequency of a wave over the angle, which a regression or the stages tell.
+    """
     scales = scales_of(case.joint, case.logs)
     alone = not case.cut and is_inertia_alone_off(case.joint, case.logs)
     base = Model(case.joint, base_terms(case.joint, scales, inertia_alone_off=alone))
@@ -198,7 +201,8 @@ def _proposed(
     given = {t.key for t in base.terms}
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
     may = [t for t in may if t.key not in given]
-    may += [cogging(seen["cogging"])] if "cogging" in seen else []
+    wave = seen.get("cogging") or wave_of(stages, case.joint, case.logs)
+    may += [cogging(wave)] if wave is not None else []
     shown = "gravity" in seen or "gravity" not in excluded
     if shown and not any(t.name == "gravity" for t in may):
         may.append(gravity(case.joint, scales))

@@ -37,6 +37,8 @@ PERIODS, SAMPLES = 3.0, 4.0
 """Fewest periods within the travel, and fewest samples within a period at the usual speed."""
 PEAKS, STEPS = 5, 15
 """Number of peaks that are tried, and of frequencies around each."""
+SPREAD = 0.1
+"""Relative deviation of a wave's amplitude that another method found."""
 CELLS = 1 << 20
 """Largest number of cells over the travel."""
 
@@ -59,6 +61,20 @@ def over_angle(joint: Joint, logs: Sequence[Log]) -> Spent | None:
     found = [_smoothed_over(OVER[0], joint, usable, LEAST)]
     found += [_smoothed_over(time, joint, usable, MOSTLY) for time in OVER[1:]]
     return max((one for one in found if one is not None), key=lambda one: one.share, default=None)
+
+
+def wave_of(found: Joint | None, nominal: Joint, logs: Sequence[Log]) -> Spent | None:
+    """Return the cogging of a joint that was found, None if it is the nominal one's or none."""
+    if found is None or "cogging" not in found.effects or "cogging" in nominal.effects:
+        return None
+    angles = [log.measured["q_m"] for log in logs if "q_m" in log.measured]
+    if not angles:
+        return None
+    row = found.effects["cogging"]
+    f, a, b = (float(np.atleast_1d(row[symbol])[0]) for symbol in ("f", "a", "b"))
+    cell = np.pi / max(max(float(np.ptp(q)) for q in angles), 1e-12) / STEPS
+    spread = SPREAD * float(np.hypot(a, b))
+    return Spent("cogging", (f, a, b), (cell, spread, spread), 1.0)
 
 
 def _smoothed_over(time: float, joint: Joint, logs: Sequence[Log], least: float) -> Spent | None:
