@@ -34,6 +34,8 @@ where friction does not fall with speed, the law of falling friction brought non
 BENEATH = ("coulomb", "damping", "cogging", "gear_ripple")
 """Effects that are sought below the stated noise: plain friction, of which hardly any body has only
 one law, and waves over the angle, which nothing else makes."""
+NOTHING = 1e-6
+"""Mean square of a residual that is none, as that of a simulated drive, but for rounding."""
 SLACK = 10.0
 """Evidence by which a simpler law may be worse."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
@@ -184,7 +186,10 @@ def richer(fit: Fit, seen: Sequence[Fit], index: int) -> Iterator[tuple[str, Fit
 
 def lowers(one: Fit, other: Fit) -> float:
     """Return the largest log reduction of a residual by the first fit, 0 if it raises another."""
-    falls = [0.5 * np.log(ms / one.mean_square[n]) for n, ms in other.mean_square.items()]
+    falls = [
+        0.5 * np.log(max(ms, NOTHING) / max(one.mean_square[n], NOTHING))
+        for n, ms in other.mean_square.items()
+    ]
     return float(max(falls)) if min(falls) > -SAME else 0.0
 
 
