@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--logs",
         default="clean",
-        help="clean, rough as real ones are, or bare: with a datasheet as most are",
+        help="clean (default), rough as real ones are, or bare: with as short a datasheet as most",
     )
     add("--workers", type=int, default=2, help="processes, default 2")
 

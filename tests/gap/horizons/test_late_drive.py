@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,13 +23,9 @@ def test_friction_and_a_late_drive_are_told() -> None:
     named = {e.name: e for e in found.effects}
     assert named["coulomb"].parameters["d_cm"].value == pytest.approx(DRY, rel=0.05)
     (late,) = (e for e in found.effects if e.name in LATE)
-    numbers = {symbol: one.value for symbol, one in late.parameters.items()}
-    time = numbers["delay"] if "delay" in numbers else 0.5 / (math.pi * numbers["bandwidth"])
-    assert time == pytest.approx(2.5 * DT, abs=0.25 * DT)
-    if late.status == "confirmed":  # a lag as late predicts clearly worse
-        assert late.name == "command_delay"
-    else:
-        assert set(late.confusable_with) >= LATE - {late.name}
+    assert late.parameters["delay"].value == pytest.approx(2.5 * DT, abs=0.25 * DT)
+    # a lag as late predicts clearly worse
+    assert (late.name, late.status) == ("command_delay", "confirmed")
 
 
 @pytest.mark.slow
