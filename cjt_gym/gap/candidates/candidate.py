@@ -70,7 +70,7 @@ def scales(setting: Setting) -> Scales:
     torque = max(current * abs(setting.nominal["k_t"] * setting.nominal["n"]), 1e-9)
     speed = max(float(np.std(s.speed("q_m"))), 1e-9)
     bar = max(setting.nominal["k_b"], 1e-9)
-    load = float(np.std(s["tau"])) if "tau" in s else torque
+    load = setting.sprung_torque or torque
     # A deflection below the encoder's resolution is not a usable scale.
     deflection = max(load / bar, setting.std("q_m"), 1e-12)
     return Scales(torque, speed, deflection, current)

@@ -19,7 +19,7 @@ def friction_rows(setting: Setting, size: Scales) -> list[Candidate]:
     bodies = ["m", "g"] if setting.has_gear else ["m"]
     rows = []
     for body in bodies:
-        touches = ("motor", "transmission") if body == "g" else ("motor",)
+        touches = setting.stages_of("motor", "transmission") if body == "g" else ("motor",)
         rows += friction_of(setting, size, body, "motor", touches)
     return rows
 
@@ -127,7 +127,8 @@ def friction_of(
 
 def damping_of(setting: Setting, size: Scales, body: str) -> Candidate:
     """Return the viscous friction of one body, by its letter, beyond its tolerance."""
-    touches = {"m": ("motor",), "g": ("motor", "transmission"), "l": ("load",)}[body]
+    cut = {"m": ("motor",), "g": ("motor", "transmission"), "l": ("load",)}[body]
+    touches = setting.stages_of(*cut)
     unit = setting.joint.parameters.unit(f"d_{body}")
     typical = size.torque / size.speed
     start = setting.nominal[f"d_{body}"]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from cjt_gym.gap.candidates.candidate import Candidate, Scales
 from cjt_gym.gap.candidates.friction import damping_of, friction_of
 from cjt_gym.gap.candidates.number import Number
@@ -16,11 +14,11 @@ def load_rows(setting: Setting, size: Scales) -> list[Candidate]:
     if not setting.has_spring:
         return []
     rows = [released(setting, "I_l", "load_inertia", "load")]
-    if not setting.cut_at_spring:
+    if not (setting.cut_at_spring or setting.cut_by_angles):
         return rows
     rows += friction_of(setting, size, "l", "load", ("load",))
     rows.append(damping_of(setting, size, "l"))
-    torque = max(float(np.std(setting.series["tau"])), 1e-9)
+    torque = max(setting.sprung_torque, 1e-9)
     gravity = Candidate(
         "gravity",
         "load",

@@ -104,7 +104,7 @@ def stages_of(setting: Setting, field: str) -> tuple[str, ...]:
         "grav_a": ("load",),
         "grav_b": ("load",),
     }[field]
-    return touched if setting.cut_at_spring else ("motor",)
+    return setting.stages_of(*touched)
 
 
 def tolerance(setting: Setting, field: str) -> float:
@@ -255,8 +255,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         centre = Number("centre_g", "rad", 0.0, half, low=-half, high=half, prior=False)
         rows.append(Nuisance("centre_g", centre, touched))
     if setting.has_spring:
-        stage = "transmission" if setting.cut_at_spring else "motor"
-        rows.append(_relaxed(setting, stage))
+        rows.append(_relaxed(setting))
     return rows
 
 
@@ -264,10 +263,11 @@ def _offset(field: str, unit: str, start: float, scale: float, stages: tuple[str
     return Nuisance(field, Number(field, unit, start, max(scale, 1e-12)), stages)
 
 
-def _relaxed(setting: Setting, stage: str) -> Nuisance:
+def _relaxed(setting: Setting) -> Nuisance:
     """Return the deflection at which the spring is relaxed."""
     scale = max(float(np.std(setting.twist)), setting.std("q_m")) * 0.1
-    return Nuisance("q_0", Number("q_0", "rad", setting.relaxed, scale, prior=False), (stage,))
+    unknown = Number("q_0", "rad", setting.relaxed, scale, prior=False)
+    return Nuisance("q_0", unknown, setting.stages_of("transmission"))
 
 
 def _current_weight(nominal: Fields, dt: float) -> float:

@@ -65,7 +65,7 @@ class Outside:
             fields.update({field_of(name, symbol): value for symbol, value in values.items()})
 
         zero = (tuple(0.0 for _ in unknowns),)
-        touched = TOUCHED[channel]
+        touched = self.setting.stages_of(*TOUCHED[channel])
         self.rows.append(
             Candidate(
                 name,
@@ -95,10 +95,11 @@ def outside_rows(setting: Setting) -> Outside:
     if setting.cut_at_spring:
         _torque_sensor(found)
         _bar(found)
-        if not setting.structure.output_fixed and "q_l" in setting.series:
-            speed = max(float(np.std(setting.series.speed("q_l"))), 1e-9)
-            _on_body(found, "l", max(float(np.std(setting.series["tau"])), 1e-9), speed)
-            _encoder(found, "q_l", size)
+    sides = setting.cut_at_spring or setting.cut_by_angles
+    if sides and not setting.structure.output_fixed and "q_l" in setting.series:
+        speed = max(float(np.std(setting.series.speed("q_l"))), 1e-9)
+        _on_body(found, "l", max(setting.sprung_torque, 1e-9), speed)
+        _encoder(found, "q_l", size)
     return found
 
 

@@ -19,7 +19,7 @@ def _hysteresis(exponent: float, f: Fields, v: Values) -> None:
 
 def transmission_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the transmission."""
-    touches = ("transmission",) if setting.cut_at_spring else ("motor",)
+    touches = setting.stages_of("transmission")
     rows = [released(setting, "k_b", "stiffness", "transmission")]
     if setting.has_gear:
         rows.append(released(setting, "k_g", "gear_stiffness", "transmission"))

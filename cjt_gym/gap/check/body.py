@@ -33,6 +33,8 @@ class Body:
     torque_noise: float  # standard deviation of a sample of that torque
     # returns the motor's torque, from the channels of a stretch
     driving: Callable[[Columns], Floats]
+    # returns the torque through the joint likewise, None where it is not known
+    through: Callable[[Columns], Floats | None]
     inertia: float  # of the datasheet [kg m^2]; 1 if unknown
 
     def motions(self, width: int) -> list[Columns]:
@@ -77,8 +79,8 @@ class Body:
         found = motion(piece, self.angle, self.stiffness, width)
         found |= {"y": smooth(self.torque(piece), width), "u": smooth(self.driving(piece), width)}
         found["pushed"] = smooth(piece.get("tau_l", np.zeros(len(piece["t"]))), width)
-        if "tau" in piece:
-            found["tau"] = smooth(piece["tau"], width)
+        if (through := self.through(piece)) is not None:
+            found["tau"] = smooth(through, width)
         found |= {"time": piece["t"], "stretch": np.full(len(piece["t"]), float(k))}
         moving = (np.abs(found["v"]) > limit) & (smooth(piece["valid"], width) > 0.5)
         moving[: width // 2] = moving[-(width // 2) :] = False

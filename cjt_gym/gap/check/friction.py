@@ -237,7 +237,7 @@ def load_friction(view: View, balance: Balance) -> Verdict:
     """Judge load-dependent friction, which requires a load varying independently of direction."""
     instead = "Record the same motion under two different loads, with the joint torque tau."
     names = ("a", "v", "s", "one")
-    if "tau" in balance and view.channels["tau"].moves:
+    if "tau" in balance and (view.wound or view.channels["tau"].moves):
         return seen(view, balance, balance["s"] * np.abs(balance["tau"]), names, "-", instead)
     if not view.structure.has_spring and "tau_l" in view:
         lost = balance["s"] * np.abs(balance["u"])

@@ -104,7 +104,7 @@ def cogging(view: View, balance: Balance) -> Verdict:
 @from_balance
 def gear_ripple(view: View, balance: Balance) -> Verdict:
     """Judge load-dependent ripple, which also requires the transmitted torque."""
-    if "tau" not in view:
+    if "tau" not in balance:
         why = "the transmitted torque tau is not recorded, so that it cannot be told from cogging"
         return Unseen(why, "Record tau, and pass the same angles at different torques.")
     return _ripple(view, balance, balance["tau"], "-")

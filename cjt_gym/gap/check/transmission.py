@@ -119,6 +119,11 @@ def hardening(view: View) -> Verdict:
 
 def spring_hysteresis(view: View) -> Verdict:
     """Judge hysteresis, which requires loading and unloading of the spring."""
+    if view.wound and view.load is not None:
+        way = np.sign(np.gradient(view.load.y))
+        size = view.load.least(way, ("a", "v", "s", "one"))
+        if size <= RELATIVE * view.load.level:
+            return Seen(size, view.torque_unit)
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)

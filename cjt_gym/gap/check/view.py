@@ -161,7 +161,7 @@ class View:
         if self.motor_angle is None:
             return None
         power = (self.torque_per_input * self._noise(self.drive)) ** 2
-        power += self._noise("tau") ** 2 if self.cut else 0.0
+        power += self._through_noise**2 if self.cut or self.wound else 0.0
         noise = float(np.sqrt(power))
         return self._body(self.motor_angle, self.motor_torque, noise, self.inertias)
 
@@ -179,15 +179,20 @@ class View:
         known = "tau" in self or self.wound
         if self.structure.output_fixed or not known or angle is None:
             return None
-        ends = self._noise("q_m") + self._noise("q_l")
-        noise = self.value("k_b") * ends if self.wound else self._noise("tau")
-        return self._body(angle, self._load_torque, noise, ("I_l",)).balance(self.width)
+        torque, noise = self._load_torque, self._through_noise
+        return self._body(angle, torque, noise, ("I_l",)).balance(self.width)
 
     @property
     def wound(self) -> bool:
         """Whether the spring's torque is not measured but follows from its two angles."""
         ends = self.structure.has_spring and {"q_m", "q_l"} <= self.channels.keys()
         return ends and "tau" not in self and self.value("k_b") > 0.0
+
+    @property
+    def _through_noise(self) -> float:
+        """Deviation of a sample of the torque through the joint [N m]."""
+        ends = self._noise("q_m") + self._noise("q_l")
+        return self.value("k_b") * ends if self.wound else self._noise("tau")
 
     def _noise(self, name: str | None) -> float:
         """Return the deviation of a sample of a channel; 0 for a command or an absent channel."""
@@ -202,7 +207,7 @@ class View:
     @property
     def inertias(self) -> tuple[str, ...]:
         """The inertias that the motor's balance contains."""
-        apart = self.structure.output_fixed or self.cut
+        apart = self.structure.output_fixed or self.cut or self.wound
         return ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
 
     def _body(
@@ -221,6 +226,7 @@ class View:
             torque,
             noise,
             self.driving,
+            self._through,
             sum(self.value(name) for name in moved) or 1.0,
         )
 
@@ -232,12 +238,21 @@ class View:
 
     def motor_torque(self, piece: Columns) -> Floats:
         """Return the torque that moves the motor side, from the channels of a stretch."""
-        torque = self.driving(piece)
-        return np.asarray(torque - piece["tau"] if self.cut else torque + piece.get("tau_l", 0.0))
+        torque, through = self.driving(piece), self._through(piece)
+        if self.structure.has_spring and through is not None:
+            return np.asarray(torque - through)
+        return np.asarray(torque + piece.get("tau_l", 0.0))
+
+    def _through(self, piece: Columns) -> Floats | None:
+        """Return the torque through the joint, measured or of its spring's deflection, if known."""
+        if self.wound:
+            return np.asarray(self.value("k_b") * (piece["q_m"] - piece["q_l"]))
+        return piece.get("tau")
 
     def _load_torque(self, piece: Columns) -> Floats:
-        spring = self.value("k_b") * (piece["q_m"] - piece["q_l"]) if self.wound else piece["tau"]
-        return np.asarray(spring + piece.get("tau_l", 0.0))
+        through = self._through(piece)
+        assert through is not None
+        return np.asarray(through + piece.get("tau_l", 0.0))
 
     def at_motion(self, values: Callable[[Columns], Floats], earlier: float = 0.0) -> Floats:
         """Return a quantity at the samples of the motor's balance, shape (N,).

@@ -212,7 +212,9 @@ def _start_and_load(setting: Setting, fields: Fields, zero: float) -> tuple[Floa
     start[:3] = q
     if setting.has_gear:
         start[1:3] = q = q - tau / fields["k_g"] - fields["centre_g"]
-    if setting.has_spring:
+    if setting.cut_by_angles:
+        start[2] = float(np.mean(series["q_l"][:5])) + zero + fields["q_0"]
+    elif setting.has_spring:
         start[2] = q - tau / fields["k_b"]
     load = series["tau_l"] if "tau_l" in series else np.zeros(len(series))
     if setting.structure.output_fixed:

@@ -15,7 +15,13 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
             "the spring is taken as the joint file has it: neither the "
             "spring nor the scale of the torque sensor is judged."
         )
-    if setting.has_spring and "tau" not in there:
+    if setting.cut_by_angles:
+        said.append(
+            "Without the joint torque, the spring's is that of its deflection: its stiffness, the "
+            "inertias and the torque constant are known in proportion only, and the torque sensor "
+            "is not judged at all."
+        )
+    elif setting.has_spring and "tau" not in there:
         said.append(
             "Without the joint torque, motor, spring and load are judged as one, and the torque "
             "sensor not at all."

@@ -78,6 +78,34 @@ class Setting:
         return self.has_spring and "tau" in self.series
 
     @property
+    def cut_by_angles(self) -> bool:
+        """Whether the angles at both ends of the spring separate them instead.
+
+        The spring's torque is then that of its deflection, in a model that knows its stiffness.
+        """
+        sides = {"q_m", "q_l"} <= self.series.columns.keys() - self.series.derived
+        free = self.has_spring and not self.structure.output_fixed and not self.still_load
+        return free and sides and not self.cut_at_spring
+
+    def stages_of(self, *cut: str) -> tuple[str, ...]:
+        """Return the stages in which something shows that would show in these of a cut joint.
+
+        Where no torque was measured, a spring is part of the stages at its ends.
+        """
+        if self.cut_at_spring:
+            return cut
+        ends = ("motor", "load") if self.cut_by_angles else ("motor",)
+        own = {"transmission": ends, "load": ends[-1:]}
+        return tuple(dict.fromkeys(s for name in cut for s in own.get(name, (name,))))
+
+    @property
+    def sprung_torque(self) -> float:
+        """Spread of the torque in the spring, measured or that of its deflection [N m]."""
+        if "tau" in self.series:
+            return float(np.std(self.series["tau"]))
+        return self.nominal["k_b"] * float(np.std(self.twist)) if self.cut_by_angles else 0.0
+
+    @property
     def current_unspecified(self) -> bool:
         """Whether the accuracy of the motor's torque is unspecified."""
         return "i" not in self.series or "i" not in self.joint.sensors
@@ -91,7 +119,8 @@ class Setting:
     def too_slow(self) -> bool:
         """Whether the motor swings on its spring too fast for the log to follow its torque."""
         stiffness, inertia = self.nominal["k_b"], self.nominal["I_m"]
-        if not self.cut_at_spring or not self.series.slow or inertia <= 0.0:
+        cut = self.cut_at_spring or self.cut_by_angles
+        if not cut or not self.series.slow or inertia <= 0.0:
             return False
         return float(np.sqrt(stiffness / inertia)) / (2.0 * np.pi) * self.series.dt > FOLLOWED
 
@@ -111,6 +140,8 @@ class Setting:
     @property
     def relaxed(self) -> float:
         """Difference at which the spring is relaxed [rad]: encoders have arbitrary zeros."""
+        if self.cut_by_angles:
+            return float(np.median(self.twist))
         if not self.cut_at_spring:
             return 0.0
         f = self.nominal

@@ -10,7 +10,8 @@ load      torque               load angle (innovations)
 ========  ===================  ===================================
 
 Each stage is driven by what was measured on both of its sides, so that an error in one does not
-reach the next. Where the torque was not measured, motor, spring and load are one stage.
+reach the next. Where the torque was not measured, but both angles, each of motor and load hangs on
+a spring whose other end moves as measured; where neither was, motor, spring and load are one stage.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from cjt_gym.gap.recorded.signals import (
     MEAN,
     ahead,
     commanded_current,
+    interval_mean,
     joint_torque,
     motor_torque,
     periodic_torque,
@@ -69,6 +71,8 @@ CHANNELS: Mapping[str, tuple[str, ...]] = {
 """Channels that must be measured for a sample of a stage to count."""
 SPRINGS = ("k_b", "k_g")
 """Fields that noise of the angles is multiplied by."""
+BENDS = ("play", "hard", "hyst")
+"""Fields of a bar whose torque is not in proportion to its deflection."""
 PULSE = 800
 SMOOTH = 21
 
@@ -104,10 +108,13 @@ class Stages:
             "transmission": s.cut_at_spring
             and ("q_l" in s.series or s.structure.output_fixed)
             and "q_m" not in s.series.derived,
-            "load": s.cut_at_spring
-            and not s.structure.output_fixed
-            and "q_l" in s.series
-            and not s.still_load,
+            "load": s.cut_by_angles
+            or (
+                s.cut_at_spring
+                and not s.structure.output_fixed
+                and "q_l" in s.series
+                and not s.still_load
+            ),
         }
         return tuple(name for name in STAGES if there[name])
 
@@ -179,7 +186,7 @@ class Stages:
     def _motor(self, fields: Fields, series: Series, added: Added) -> Prediction:
         s = self.setting
         chain = self.chain("motor", fields)
-        transmitted = joint_torque(fields, series) if "tau" in series else np.zeros(len(series))
+        transmitted = self.transmitted(fields, series)
         torque = motor_torque(fields, series) + added.get("push_m", 0.0)
         if fields["cog_f"] != 0.0 or fields["rip_f"] != 0.0:
             torque += self._ripple(fields, series, transmitted)
@@ -190,7 +197,9 @@ class Stages:
         if s.cut_at_spring:
             forced -= passed_on(chain, GEAR, transmitted)
         elif s.has_spring and chain.groups[LOAD] < 0:
-            forced += self._prescribed(chain, load_angle(series) + fields["q_0"])
+            forced += self._hung(chain, load_angle(series) + fields["q_0"], GEAR, fields["k_b"])
+            if (bent := self._bent(fields, series)) is not None:
+                forced -= passed_on(chain, GEAR, bent)
         bodies = (("m", MOTOR),) if not s.has_gear else (("m", MOTOR), ("g", GEAR))
         if chain.groups[LOAD] >= 0:
             bodies = (*bodies, ("l", LOAD))
@@ -202,6 +211,30 @@ class Stages:
             play = backlash(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
         piece = Piece(chain, forced, bodies, transmitted, play, added.get("rub_m"))
         return self._innovations("motor", series, fields, piece)
+
+    def transmitted(self, fields: Fields, series: Series) -> Floats:
+        """Return the torque through the joint [N m], zeros if it is not seen; shape (N,)."""
+        if "tau" in series:
+            return joint_torque(fields, series)
+        if not self.setting.cut_by_angles:
+            return np.zeros(len(series))
+        return spring_torque(fields, self._deflection(fields, series), series.dt)
+
+    def _deflection(self, fields: Fields, series: Series) -> Floats:
+        """Return the bar's share of the difference of the two angles [rad], shape (N,)."""
+        turned = series["q_m"] - load_angle(series) - fields["q_0"]
+        if not self.setting.has_gear:
+            return turned
+        return np.asarray(turned * fields["k_g"] / (fields["k_g"] + fields["k_b"]))
+
+    def _bent(self, fields: Fields, series: Series) -> Floats | None:
+        """Return what a bar's torque differs from a linear one's [N m], None for a linear one."""
+        if not any(fields[name] for name in BENDS):
+            return None
+        turned = self._deflection(fields, series)
+        linear = fields | dict.fromkeys(BENDS, 0.0)
+        full = spring_torque(fields, turned, series.dt)
+        return full - spring_torque(linear, turned, series.dt)
 
     def _on_load(self, fields: Fields) -> Floats | None:
         """Return what acts on a load that is part of the motor's stage [N m], None for nothing."""
@@ -322,15 +355,25 @@ class Stages:
 
     # ---- load
     def _load(self, fields: Fields, series: Series, added: Added) -> Prediction:
-        chain = self.chain("load", fields)
-        torque = joint_torque(fields, series)
+        s, chain = self.setting, self.chain("load", fields)
+        bodies: tuple[tuple[str, int], ...] = (("l", LOAD),)
+        transmitted = torque = self.transmitted(fields, series)
+        if s.cut_by_angles:
+            bent = self._bent(fields, series)
+            torque = np.zeros(len(series)) if bent is None else bent
+            bodies = bodies if not s.has_gear else (*bodies, ("g", GEAR))
         if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
             torque = torque - weight(fields, series["q_l"])
         if "tau_l" in series:
             torque = torque + series["tau_l"]
         torque = torque + added.get("push_l", 0.0)
         forced = passed_on(chain, LOAD, torque)
-        piece = Piece(chain, forced, (("l", LOAD),), torque)
+        if s.cut_by_angles:
+            body, stiffness = (GEAR, fields["k_g"]) if s.has_gear else (LOAD, fields["k_b"])
+            forced += self._hung(chain, series["q_m"] - fields["q_0"], body, stiffness)
+            if s.has_gear and bent is not None:
+                forced -= passed_on(chain, GEAR, bent)
+        piece = Piece(chain, forced, bodies, transmitted if s.cut_by_angles else torque)
         return self._innovations("load", series, fields, piece)
 
     # ---- shared
@@ -338,6 +381,15 @@ class Stages:
         """Return the contribution of a prescribed angle over each sample, shape (N, n)."""
         rate = (ahead(q) - q) / self.setting.series.dt
         return q[:, None] * chain.start + rate[:, None] * chain.slope
+
+    def _hung(self, chain: Chain, q: Floats, body: int, stiffness: float) -> Floats:
+        """Return the contribution of the measured far end of a spring on a body, shape (N, n).
+
+        Within a sample a motor that accelerates strays from a straight line by more torque than
+        noise of fine encoders makes.
+        """
+        strays = stiffness * (smooth_mean(q) - interval_mean(q, 0.5))
+        return self._prescribed(chain, q) + strays[:, None] * chain.torque[:, body]
 
     def chain(self, name: str, fields: Fields) -> Chain:
         """Return the chain of a stage."""
@@ -354,6 +406,13 @@ class Stages:
         damping = [fields[f] for f in ("d_m", "d_g", "d_l")]
         gear = Link(MOTOR, GEAR, fields["k_g"], fields["d_mg"])
         dt = s.series.dt
+        if name == "load" and s.cut_by_angles:
+            if not s.has_gear:
+                bar = Link(LOAD, None, fields["k_b"], fields["d_gl"])
+                return build_chain((-1, -1, 0), inertia, damping, (bar,), dt)
+            bar = Link(GEAR, LOAD, fields["k_b"], fields["d_gl"])
+            entry = Link(GEAR, None, fields["k_g"], fields["d_mg"])
+            return build_chain((-1, 1, 0), inertia, damping, (entry, bar), dt)
         if name == "load":
             return build_chain((-1, -1, 0), inertia, damping, (), dt)
         if name == "transmission loose":
@@ -383,6 +442,9 @@ class Stages:
         tau = s.std("tau") / abs(fields["gain"]) if s.cut_at_spring else 0.0
         extra = max(PROCESS_TORQUE * float(np.hypot(own, tau)), s.process)
         torque = (np.hypot(own, extra), tau, tau) if name == "motor" else (0.0, 0.0, tau)
+        if s.cut_by_angles:
+            felt = self._felt_noise(name)
+            torque = (np.hypot(own, extra), felt, felt) if name == "motor" else (0.0, felt, felt)
         channel = "q_m" if name == "motor" else "q_l"
         jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
         noise = float(np.hypot(s.std(channel), jitter))
@@ -405,6 +467,14 @@ class Stages:
         scatter = np.sqrt(np.maximum(variance, 1e-300))
         return Gain(k, std, scatter, start_shapes(chain, k, scatter, s.series.valid[channel]))
 
+    def _felt_noise(self, name: str) -> float:
+        """Return the torque that noise of the angle at a spring's far end makes [N m]."""
+        s, f = self.setting, self.springs
+        far = "q_l" if name == "motor" else "q_m"
+        gear = name == "load" and s.has_gear
+        stiffness, damping = (f["k_g"], f["d_mg"]) if gear else (f["k_b"], f["d_gl"])
+        return s.std(far) * float(np.hypot(stiffness, damping / (np.sqrt(2.0) * s.series.dt)))
+
     def _innovations(self, name: str, series: Series, fields: Fields, piece: Piece) -> Prediction:
         channel = "q_m" if name == "motor" else "q_l"
         x0 = self._initial(series, channel, fields, piece)
@@ -425,6 +495,8 @@ class Stages:
         x0[: chain.size], x0[chain.size :] = series[channel][0], series.first_speed(channel)
         if self.setting.has_gear and channel == "q_m":
             x0[1] -= piece.transmitted[0] / fields["k_g"] + fields["centre_g"]
+        elif chain.size > 1 and channel == "q_l":
+            x0[1] += piece.transmitted[0] / fields["k_b"]
         return x0
 
 

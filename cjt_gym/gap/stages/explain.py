@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from cjt_gym.gap.stages.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.stages.lateness import DELAY, as_effect
 from cjt_gym.gap.stages.leftover import HELD_LEFT, Leftover, leftovers
 from cjt_gym.gap.stages.merit import STRAIN
-from cjt_gym.gap.stages.process import allow_for_colour
+from cjt_gym.gap.stages.process import COLOUR, allow_for_colour, settle_noise
 from cjt_gym.gap.stages.prune import (
     COARSE_STRAIN,
+    THOROUGH,
+    THOROUGH_MOVES,
     Need,
     alternatives,
     enrich,
@@ -43,6 +45,10 @@ from cjt_gym.joint.kernel.arrays import Floats
 
 PATIENCE = 25.0
 """Processor time after which the search for effects stops with its best result [s]."""
+MUCH = 1.5
+"""Ratio of the noise before to that after an explanation above which another is sought."""
+TRIED_LESS = 8.0
+"""Ratio of the noise to that which is tried in its place."""
 REFUTED = 0.2
 """Worth on held-out data below which an effect is refuted."""
 CENTRE, SIDES = "centre_g", (-0.8, -0.4, 0.0, 0.4, 0.8)
@@ -71,7 +77,35 @@ def explain(
     more: Sequence[Setting] = (),
     progress: Progress = silent,
 ) -> Explanation:
-    """Return the explanation of a record, together with `more`, that holds on the `others`."""
+    """Return the explanation of a record, together with `more`, that holds on the `others`.
+
+    Where no noise of the drive is stated, what the nominal joint leaves counts as noise at first.
+    The explained joint may leave much less of it, or a joint that is explained for much less.
+    """
+    found = _explained(setting, others, more, progress)
+    if not setting.current_unspecified:
+        return found
+    before, calm = found.problem.stages.setting.process, _calm(setting, found)
+    if before > MUCH * calm.process:
+        return _explained(calm, others, more, progress) if found.fit.model.effects else found
+    less = replace(calm, process=before / TRIED_LESS)
+    other = _explained(less, others, more, progress)
+    return other if _calm(setting, other).process < MUCH * less.process else found
+
+
+def _calm(setting: Setting, found: Explanation) -> Setting:
+    """Return a setting with the noise of the drive that an explained joint leaves."""
+    problem = found.problem
+    stages = Stages(replace(problem.stages.setting, process=0.0, allowance=1.0))
+    settle_noise(stages, problem.fields(found.fit.model, found.fit.z))
+    process, jitter = stages.setting.process, stages.setting.noise["q_m"].jitter
+    noise = {**setting.noise, "q_m": replace(setting.noise["q_m"], jitter=jitter)}
+    return replace(setting, noise=noise, process=process, allowance=COLOUR)
+
+
+def _explained(
+    setting: Setting, others: Sequence[Setting], more: Sequence[Setting], progress: Progress
+) -> Explanation:
     progress("fitting the nominal joint within its tolerances")
     problem, base = without_effects(setting, more)
     sensors = sensor_findings(setting, base.residuals)
@@ -94,6 +128,9 @@ def explain(
     fit = enrich(problem, fit, selection.seen, selection.candidates)
     fit, tried = freed(problem, fit, selection.seen)
     selection.seen += tried
+    if "tau" not in setting.series and fit.model.effects:
+        # along the scale of all torques, which nothing but the datasheet tells
+        fit = problem.from_datasheet(fit, THOROUGH_MOVES, THOROUGH)
     fit = likelier_twins(problem, fit, selection.candidates)
     if fit is not found:  # the other law started from the datasheet values that the first had left
         fit = retuned(problem, fit)
@@ -199,7 +236,7 @@ def without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem,
             f"one sample ahead the nominal {' and '.join(away)} stage runs away, as where it "
             "resonates above the log's Nyquist frequency"
         )
-    if setting.current_unspecified:
+    if setting.current_unspecified and setting.allowance == 1.0:
         allow_for_colour(problem.stages, base.mean_square["motor"])
         base = retuned(problem, base)
     return problem, base

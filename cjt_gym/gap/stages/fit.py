@@ -283,10 +283,13 @@ class Problem:
         z: Floats,
         residuals: dict[str, Floats],
         known: dict[str, Floats] | None = None,
+        *,
+        central: bool = False,
     ) -> dict[str, Floats]:
-        """Return the derivatives of the residuals by forward differences, shape (N, p) by stage.
+        """Return the derivatives of the residuals by differences, shape (N, p) by stage.
 
-        If some are already known, only those of the effects are computed.
+        If some are already known, only those of the effects are computed. Central differences take
+        twice as long: where all torques change by one factor, what each of them does must cancel.
         """
         size, first = len(z), 0
         out = {name: np.zeros((len(r), size), order="F") for name, r in residuals.items()}
@@ -299,8 +302,12 @@ class Problem:
             step = difference(unknowns[j], z[j])
             moved = z.copy()
             moved[j] += step
-            for name, r in self.residuals(model, moved, touches[j]).items():
-                column = (r - residuals[name]) / step
+            ahead, back, width = self.residuals(model, moved, touches[j]), residuals, step
+            if central and not unknowns[j].at_bound(z[j] - step):
+                moved[j] -= 2.0 * step
+                back, width = self.residuals(model, moved, touches[j]), 2.0 * step
+            for name, r in ahead.items():
+                column = (r - back[name]) / width
                 if column @ column < RUNAWAY:
                     out[name][:, j] = column
         return out

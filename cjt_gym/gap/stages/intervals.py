@@ -71,7 +71,7 @@ def covariance(problem: Problem, fit: Fit) -> Covariance:
     Inverse curvature of the likelihood with the residuals' own mean square, corrected ("sandwich")
     by the scatter of its gradient between blocks, which also accounts for coloured residuals.
     """
-    jacobian = problem.jacobian(fit.model, fit.z, fit.residuals)
+    jacobian = problem.jacobian(fit.model, fit.z, fit.residuals, central=True)
     prior = np.diag(np.where(problem.has_prior(fit.model), 1.0, 1e-9))
     curvature, scatter = prior.copy(), prior.copy()
     for name, j in jacobian.items():
@@ -201,9 +201,13 @@ def _with_tolerance(
     if not 0.5 < factor < 2.0:
         return interval
     direction = np.zeros(len(fit.z))
-    direction[problem.span(fit.model, index)] = own.scale
+    relative = own.scale if own.log else own.scale / total  # changes that the two have in common
+    direction[problem.span(fit.model, index)] = relative
     for k, nuisance in enumerate(problem.shared):
         if nuisance.field == field:
             direction[k] = nuisance.unknown.scale
-    ratio = float(np.exp(NORMAL * max(spread.std_along(direction), EXACT)))
+    half = NORMAL * max(spread.std_along(direction), EXACT)
+    if not own.log and half >= 1.0:  # it may be none
+        return Interval(total, total * (1.0 - half), total * (1.0 + half), interval.unit)
+    ratio = float(np.exp(half))
     return Interval(total, total / ratio, total * ratio, interval.unit)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve, find_peaks
 
 from cjt_gym.gap.recorded.fields import Fields
-from cjt_gym.gap.recorded.signals import MEAN, commanded_current, joint_torque, taken_over, within
+from cjt_gym.gap.recorded.signals import MEAN, commanded_current, taken_over, within
 from cjt_gym.gap.stages.chain import MOTOR
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.predictor import torque_response
@@ -55,9 +55,9 @@ def periodic_starts(
     """
     s = stages.setting
     q, v = s.series["q_m"], s.series.speed("q_m")
-    if kind == "rip" and "tau" not in s.series:
+    tau = stages.transmitted(fields, s.series)
+    if kind == "rip" and not tau.any():
         return ()
-    tau = joint_torque(fields, s.series) if "tau" in s.series else np.zeros(len(q))
     weight = tau if kind == "rip" else np.ones(len(q))
     gain = stages.gains["motor"]
     response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std
@@ -88,7 +88,7 @@ def ripple_amplitudes(stages: Stages, fields: Fields, residual: Floats) -> tuple
     """
     s = stages.setting
     q, v = s.series["q_m"], s.series.speed("q_m")
-    tau = joint_torque(fields, s.series) if "tau" in s.series else np.zeros(len(q))
+    tau = stages.transmitted(fields, s.series)
     gain = stages.gains["motor"]
     response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std
     left = _without_trends(residual, response, v, tau)

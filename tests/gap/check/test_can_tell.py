@@ -186,7 +186,7 @@ def test_play_shows_between_two_angles_where_no_torque_is_measured() -> None:
     table |= {n: made[f"true_{n}"] + rng.normal(0.0, 1e-6, len(t)) for n in ("q_m", "q_l")}
     found = examine(record(table, "rigid_gearbox"), sheet, None)
     assert 0.0 < found.smallest["backlash"][0] < 0.01
-    assert "spring_hysteresis" in reasons(found)
+    assert "spring_hysteresis" in found.can_tell
 
 
 def test_a_gearbox_is_told_from_spring_and_load_by_the_torque_between_them() -> None:

@@ -67,6 +67,13 @@ class Case:
         sprung = self.joint.structure_row.has_spring
         return sprung and any("tau" in log.measured for log in self.logs)
 
+    @property
+    def cut_by_angles(self) -> bool:
+        """Whether the angles at both ends of its spring do, which is nearly as good."""
+        free = self.joint.structure_row.has_spring and not self.joint.structure_row.output_fixed
+        ends = all({"q_m", "q_l"} <= log.measured.keys() for log in self.logs)
+        return free and ends and not self.cut
+
 
 def make_case(
     records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure

@@ -174,7 +174,8 @@ def _suffices(
         return are_sound(case, joints)
     short = any(error > SMALL and one.share > HALF for error, one in ahead)
     whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
-    settled = explained and not (own or open_ or short) and worst < NEAR and whole < TRIVIAL
+    unsure = doubtful if case.cut_by_angles else open_ or short
+    settled = explained and not (own or unsure) and worst < NEAR and whole < TRIVIAL
     settled = settled and not has_vague_friction(case.joint)
     settled = settled and not _misses_wave(case, joints["stages"])
     return settled and is_no_worse(case, joints, "stages")
