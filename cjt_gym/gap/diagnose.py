@@ -127,7 +127,8 @@ def diagnose(
         names = [e.name for e in found.effects]
         remarks += [*unlisted(file, found.joint, names), *unnamed(file, found.joint, names)]
         if found.verdict != "no_gap":
-            remarks += unstated_damping(file, found.joint)
+            alone = shape.output_fixed and not any("tau" in one for one in given)
+            remarks += unstated_damping(file, found.joint, alone=alone)
         joint = with_sensors(found.joint, found.effects, title_of(given[0]))
         found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:

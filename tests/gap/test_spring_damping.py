@@ -163,3 +163,11 @@ def test_a_stated_damping_stays(tmp_path: Path) -> None:
     open_ = with_spring_damping(bare, shape)
     assert open_.parameters.quantities["d_gl"].guess
     assert open_.parameters.get("d_gl", 1.0) == 0.0  # the datasheet's joint is as it is stated
+
+
+def test_damping_of_a_held_motor_is_not_called_that_of_its_spring(tmp_path: Path) -> None:
+    damped = sheet(tmp_path, 'd_gl = { value = 0.4, unit = "N m s/rad" }')
+    bare = sheet(tmp_path)
+    (plain,), (both,) = (unstated_damping(bare, damped, alone=alone) for alone in (False, True))
+    assert "d_m" not in plain
+    assert "does not tell it from the motor's own damping d_m" in both

@@ -17,6 +17,10 @@ SYMBOL = "d_gl"
 USUAL = 0.01
 """Usual share of the critical damping of the body that the bar holds."""
 NOT_STATED = "not stated"
+BOTH = (
+    " Without the joint torque, a held output does not tell it from the motor's own damping d_m: "
+    "it may hold both."
+)
 
 
 def critical(file: JointFile, shape: Structure) -> float:
@@ -51,13 +55,19 @@ def with_spring_damping(file: JointFile, shape: Structure) -> JointFile:
     return replace(file, parameters=replace(file.parameters, quantities=quantities))
 
 
-def unstated_damping(file: JointFile, found: JointFile) -> list[str]:
-    """Return a remark on the damping of a bar that a joint has and its datasheet does not state."""
+def unstated_damping(file: JointFile, found: JointFile, *, alone: bool = False) -> list[str]:
+    """Return a remark on the damping of a bar that a joint has and its datasheet does not state.
+
+    Args:
+        file: The datasheet.
+        found: The joint that was found.
+        alone: Whether nothing but the motion of a motor on a held bar shows it.
+    """
     value = found.parameters.get(SYMBOL, 0.0)
     if is_stated(file) or value == 0.0:
         return []
     size = f"{plain(value)} {found.parameters.unit(SYMBOL)}"
     return [
         f"The joint file states no damping {SYMBOL} of the spring: that of joint.toml, {size}, "
-        "was fitted."
+        "was fitted." + (BOTH if alone else "")
     ]

@@ -218,7 +218,12 @@ class Stages:
             return joint_torque(fields, series)
         if not self.setting.cut_by_angles:
             return np.zeros(len(series))
-        return spring_torque(fields, self._deflection(fields, series), series.dt)
+        return self._by_angles(fields, series, self._bent(fields, series))
+
+    def _by_angles(self, fields: Fields, series: Series, bent: Floats | None) -> Floats:
+        """Return the torque of a bar by its deflection, undamped [N m], shape (N,)."""
+        torque = fields["k_b"] * self._deflection(fields, series)
+        return torque if bent is None else np.asarray(torque + bent)
 
     def _deflection(self, fields: Fields, series: Series) -> Floats:
         """Return the bar's share of the difference of the two angles [rad], shape (N,)."""
@@ -232,9 +237,11 @@ class Stages:
         if not any(fields[name] for name in BENDS):
             return None
         turned = self._deflection(fields, series)
-        linear = fields | dict.fromkeys(BENDS, 0.0)
-        full = spring_torque(fields, turned, series.dt)
-        return full - spring_torque(linear, turned, series.dt)
+        undamped = fields if fields["play"] > 0.0 else fields | {"d_gl": 0.0}
+        linear = fields["k_b"] * turned
+        if fields["play"] > 0.0:
+            linear = linear + fields["d_gl"] * np.gradient(turned, series.dt)
+        return spring_torque(undamped, turned, series.dt) - linear
 
     def _on_load(self, fields: Fields) -> Floats | None:
         """Return what acts on a load that is part of the motor's stage [N m], None for nothing."""
@@ -357,11 +364,13 @@ class Stages:
     def _load(self, fields: Fields, series: Series, added: Added) -> Prediction:
         s, chain = self.setting, self.chain("load", fields)
         bodies: tuple[tuple[str, int], ...] = (("l", LOAD),)
-        transmitted = torque = self.transmitted(fields, series)
         if s.cut_by_angles:
             bent = self._bent(fields, series)
+            transmitted = self._by_angles(fields, series, bent)
             torque = np.zeros(len(series)) if bent is None else bent
             bodies = bodies if not s.has_gear else (*bodies, ("g", GEAR))
+        else:
+            transmitted = torque = joint_torque(fields, series)
         if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
             torque = torque - weight(fields, series["q_l"])
         if "tau_l" in series:
@@ -373,7 +382,7 @@ class Stages:
             forced += self._hung(chain, series["q_m"] - fields["q_0"], body, stiffness)
             if s.has_gear and bent is not None:
                 forced -= passed_on(chain, GEAR, bent)
-        piece = Piece(chain, forced, bodies, transmitted if s.cut_by_angles else torque)
+        piece = Piece(chain, forced, bodies, transmitted)
         return self._innovations("load", series, fields, piece)
 
     # ---- shared

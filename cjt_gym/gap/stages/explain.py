@@ -15,7 +15,7 @@ from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.stages.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.stages.lateness import DELAY, as_effect
-from cjt_gym.gap.stages.leftover import HELD_LEFT, Leftover, leftovers
+from cjt_gym.gap.stages.leftover import HELD_LEFT, LEFT, Leftover, leftovers
 from cjt_gym.gap.stages.merit import STRAIN
 from cjt_gym.gap.stages.process import COLOUR, allow_for_colour, settle_noise
 from cjt_gym.gap.stages.prune import (
@@ -47,6 +47,8 @@ PATIENCE = 25.0
 """Processor time after which the search for effects stops with its best result [s]."""
 MUCH = 1.5
 """Ratio of the noise before to that after an explanation above which another is sought."""
+HASTE = 15.0
+"""Processor time of an explanation after which no second one is sought [s]."""
 TRIED_LESS = 8.0
 """Ratio of the noise to that which is tried in its place."""
 REFUTED = 0.2
@@ -82,15 +84,24 @@ def explain(
     Where no noise of the drive is stated, what the nominal joint leaves counts as noise at first.
     The explained joint may leave much less of it, or a joint that is explained for much less.
     """
+    began = time.process_time()
     found = _explained(setting, others, more, progress)
-    if not setting.current_unspecified:
+    late = time.process_time() - began > HASTE
+    if not setting.current_unspecified or late or not _is_explained(found):
         return found
     before, calm = found.problem.stages.setting.process, _calm(setting, found)
-    if before > MUCH * calm.process:
-        return _explained(calm, others, more, progress) if found.fit.model.effects else found
-    less = replace(calm, process=before / TRIED_LESS)
-    other = _explained(less, others, more, progress)
-    return other if _calm(setting, other).process < MUCH * less.process else found
+    less = before > MUCH * calm.process
+    if less and not found.fit.model.effects:
+        return found
+    tried = calm if less else replace(calm, process=before / TRIED_LESS)
+    other = _explained(tried, others, more, progress)
+    as_calm = less or _calm(setting, other).process < MUCH * tried.process
+    return other if as_calm and _is_explained(other) else found
+
+
+def _is_explained(found: Explanation) -> bool:
+    """Return whether the motor's residual is what noise may leave."""
+    return found.fit.mean_square["motor"] < LEFT**2
 
 
 def _calm(setting: Setting, found: Explanation) -> Setting:

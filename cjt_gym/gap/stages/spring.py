@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.ndimage import convolve1d
+from scipy.signal import savgol_coeffs
 
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.joint.kernel.compiled import compiled
 
 MOST_PIECES = 50.0
-PATH = 17
-"""Samples over which the path of a hysteresis is smoothed."""
+PATH = savgol_coeffs(17, 3)
+"""Weights that smooth the path of a hysteresis, over 17 samples."""
 
 
 def spring_torque(
@@ -39,7 +40,7 @@ def spring_torque(
         torque = torque + fields["d_gl"] * np.gradient(x, dt)
     if fields["hyst"] != 0.0:
         # Noise in the path would erode the memory: while it yields, forward and back steps differ.
-        path = savgol_filter(x, PATH, 3)
+        path = convolve1d(x, PATH, mode="nearest")
         torque = torque + fields["hyst"] * slip(path, fields["hyst_z"], fields["hyst_n"])
     return np.asarray(torque)
 
