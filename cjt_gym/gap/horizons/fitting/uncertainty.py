@@ -94,6 +94,8 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     """
     jacobian = _slopes(problem, fit)
     hessian, _ = problem.normal(fit.model, fit.z, fit.errors, jacobian)
+    held, known = np.array([n.prior for n in fit.model.numbers], dtype=float), _known(fit.model)
+    hessian += np.diag(known - held)
     size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
     scores, there = np.zeros((size, len(fit.z))), np.zeros(size, dtype=bool)
     moving = problem.windows.moving
@@ -107,8 +109,7 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
         there[pieces] = True
     scores = scores[there]
     count = len(scores)
-    known = np.diag([float(n.prior) for n in fit.model.numbers])
-    middle = scores.T @ scores * count / max(count - 1, 1) + known
+    middle = scores.T @ scores * count / max(count - 1, 1) + np.diag(known)
     inverse = np.linalg.pinv(hessian)
     factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
     matrix, logs = inverse @ middle @ inverse, problem.windows.logs
@@ -117,6 +118,19 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     if not any("tau" in log.measured or np.any(log.load) for log in logs):
         matrix += _of_scale(fit, voltage=logs[0].voltage)
     return Spread(fit, matrix, factor, alone)
+
+
+def _known(model: Model) -> Floats:
+    """Return what the datasheet tells of each coordinate, as an inverse variance, shape (n,).
+
+    That a last fit holds the inertia near where a search left it tells nothing.
+    """
+    known = np.array([float(n.prior) for n in model.numbers])
+    for index, term in enumerate(model.terms):
+        if term.loose is not None:
+            ratio = term.numbers[0].scale / term.loose.scale
+            known[model.span(index).start] = float(term.loose.prior) * ratio**2
+    return known
 
 
 def _of_scale(fit: Fit, *, voltage: bool) -> Floats:

@@ -89,6 +89,7 @@ class Term:
         factor: Factor on the price, larger for less likely terms.
         tight: The same term within its datasheet tolerance, if this one is released from it.
         told: Whether it may be named; otherwise it is only fitted.
+        loose: Its number as the datasheet limits it, where a last fit holds it nearer.
     """
 
     name: str
@@ -104,6 +105,7 @@ class Term:
     factor: float = 1.0
     tight: Term | None = None
     told: bool = True
+    loose: Number | None = None
 
     @property
     def key(self) -> tuple[str, str | None, str | None]:

@@ -309,7 +309,7 @@ def _with_inertia_kept(model: Model, z: Floats, *, stated: bool) -> tuple[Model,
         if term.name == "inertia":
             start = term.numbers[0].start if stated else values[0]
             number = replace(term.numbers[0], start=start, scale=KEPT)
-            term = replace(term, numbers=(number,))
+            term = replace(term, numbers=(number,), loose=term.loose or term.numbers[0])
             z[model.span(k)] = 0.0
         terms.append(term)
     return replace(model, terms=tuple(terms)), z
