@@ -51,7 +51,7 @@ EXTRAS = {
     "torch": "train",
     "stable_baselines3": "train",
     "tensorboard": "train",
-    "tqdm": "train",
+    "tqdm": "benchmark",
     "cma": "tune",
     "optuna": "tune",
     "joblib": "benchmark",

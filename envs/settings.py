@@ -111,9 +111,10 @@ def default_amplitude(file: JointFile) -> float:
     """
     p = file.parameters
     if "i_p" not in p:
+        unit = p.unit("k_t").split("/")[-1]
         raise ConfigurationError(
             f"torque_amplitude [N m] is needed: {p.origin} gives no peak current i_p from which to "
-            "take it."
+            f'take it. State it there, such as i_p = {{ value = 5, unit = "{unit}" }}.'
         )
     return max(AMPLITUDE_SHARE * p.k_t * p.n * p.i_p, FRICTION_FACTOR * dry_friction(file))
 

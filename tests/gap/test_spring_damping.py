@@ -144,6 +144,18 @@ def test_exchanged_encoders_are_told(tmp_path: Path) -> None:
             assert any("seem to be exchanged" in fault for fault in faults) == told
 
 
+def test_a_load_tells_exchanged_encoders_where_the_torque_does_not(tmp_path: Path) -> None:
+    made = log(STRUCTURE, "missing")
+    scattered = np.random.default_rng(2).standard_normal(SAMPLES)
+    idle = made.with_columns({"i": scattered})
+    swapped = {"q_m": idle["q_l"], "q_l": idle["q_m"]}
+    for record, told in ((idle, False), (idle.with_columns(swapped), True)):
+        faults = examine(record, sheet(tmp_path), STRUCTURE).faults
+        assert any("seem to be exchanged" in fault for fault in faults) == told
+    twice = examine(made.with_columns({"q_l": made["q_m"]}), sheet(tmp_path), STRUCTURE).faults
+    assert any("mapped twice" in fault for fault in twice)
+
+
 @pytest.mark.slow
 def test_beside_exchanged_encoders_nothing_is_confirmed(tmp_path: Path) -> None:
     made = log(STRUCTURE, "missing")

@@ -20,7 +20,7 @@ from cjt_gym.gap.check.contradictions import (
     torques,
     velocities,
 )
-from cjt_gym.gap.check.encoders import angles_apart, exchanged
+from cjt_gym.gap.check.encoders import angles_apart, exchanged, mapped_twice
 from cjt_gym.gap.check.energy import foreign
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
 from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
@@ -269,6 +269,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (coarser, UNITS),
     (spring, UNITS),
     (exchanged, UNITS),
+    (mapped_twice, UNITS),
     (_noise, SPECIFY),
     (lambda view: current_and_command(view)[0], ONE_INSTANT),
     (lambda view: motion_and_torque(view)[0], ONE_INSTANT),

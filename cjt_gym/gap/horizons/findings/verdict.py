@@ -100,11 +100,15 @@ def gap_of(judged: Judgement) -> GapSize:
 
 
 def worst_row(judged: Judgement) -> Row:
-    """Return the main channel's row with the largest error, except the shortest horizon."""
+    """Return the row with the largest error, except the shortest horizon.
+
+    It is one of the main channel, or of the other angle of a joint with two.
+    """
     main = main_row(judged)
     if main.seconds == WHOLE:
         return main
-    rows = [r for r in judged.rows if r.channel == main.channel and r.seconds > min(HORIZONS)]
+    channels = {main.channel, "q_l"} if main.channel == "q_m" else {main.channel}
+    rows = [r for r in judged.rows if r.channel in channels and r.seconds > min(HORIZONS)]
     return max(rows, key=lambda r: r.found, default=main)
 
 
