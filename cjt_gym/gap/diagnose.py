@@ -23,6 +23,7 @@ from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
 from cjt_gym.gap.horizons.prediction.model import MEASURES
 from cjt_gym.gap.identified import with_sensors
 from cjt_gym.gap.next_record.suggest import ELSEWHERE
+from cjt_gym.gap.proportions import proportions
 from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.given import JointLike, as_records, nominal_joint
@@ -139,7 +140,9 @@ def diagnose(
         text = separating(doubtful, exam.advice)
         found = replace(found, suggestion=Suggestion(text or ENOUGH))
     told = strained(file, found.joint, told_symbols(found.effects))
-    text = " ".join((*told, found.unexplained.text)).strip()
+    scaled = any(name in one for one in given for name in ("tau", "tau_l"))
+    ratios = "" if scaled else proportions(found.joint)
+    text = " ".join((*told, found.unexplained.text, ratios)).strip()
     found = replace(found, unexplained=replace(found.unexplained, text=text))
     found = replace(found, seconds=time.perf_counter() - started)
     return remarked(found, given, pieces, shape, remarks)
