@@ -92,7 +92,7 @@ def effect_intervals(
     effects, at = fit.model.effects, problem.span(fit.model, index).start
     slides = problem.stages.setting.joint.parameters.axis == "prismatic"
     scales = [j for j, n in enumerate(problem.shared) if n.field in TORQUES]
-    alone, out = beside(spread.matrix, scales), {}
+    alone, out = np.sqrt(np.maximum(np.diag(at_known(spread.matrix, scales)), 0.0)), {}
     for k, unknown in enumerate(effects[index].unknowns):
         z = fit.z[at + k]
         value = unknown.value(z)
@@ -111,10 +111,10 @@ def effect_intervals(
     return out
 
 
-def beside(matrix: Floats, known: Sequence[int]) -> Floats:
-    """Return the standard deviations of coordinates if some of them were known, shape (p,)."""
+def at_known(matrix: Floats, known: Sequence[int]) -> Floats:
+    """Return the covariance of coordinates if some of them were known, shape (p, p)."""
     told = matrix[:, known] @ np.linalg.pinv(matrix[np.ix_(known, known)]) @ matrix[known, :]
-    return np.sqrt(np.maximum(np.diag(matrix - told), 0.0))
+    return np.asarray(matrix - told)
 
 
 def is_there(value: float, half: float, own: float) -> bool:

@@ -30,7 +30,7 @@ def scatter(terms: Any, z: list[float], matrix: Any) -> Scatter:
     model = Model(Joint(datasheet(), "rigid", "current", {}), tuple(terms))
     fit: Any = SimpleNamespace(model=model, z=np.array(z))
     matrix = np.asarray(matrix, dtype=float)
-    return Scatter.of(Spread(fit, matrix, 2.0, np.sqrt(np.diag(matrix))))
+    return Scatter.of(Spread(fit, matrix, 2.0, matrix))
 
 
 def test_a_number_that_is_fitted_as_a_difference_gets_the_interval_of_its_own() -> None:

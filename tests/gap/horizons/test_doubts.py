@@ -94,7 +94,7 @@ def test_an_inertia_on_which_torque_and_predictions_disagree_spans_both(
     model = Model(case.joint, base_terms(case.joint, scales_of(case.joint, case.logs))[:1])
     z = np.array([model.terms[0].numbers[0].coordinate(factor / 2.0)])
     fit: Any = SimpleNamespace(model=model, z=z)
-    scatter = Scatter.of(Spread(fit, np.array([[4e-4]]), 2.0, np.array([0.02])))
+    scatter = Scatter.of(Spread(fit, np.array([[4e-4]]), 2.0, np.array([[4e-4]])))
     found = _torn(Judgement(case, "found", case.joint, ()), scatter)
     assert bool(found) == torn
     for one in found.values():
@@ -153,7 +153,7 @@ def test_a_damping_that_may_be_as_stated_is_no_cause(
         "damping", "motor", "motor", None, number, "confirmed", 0.9, 0.2, (), 1.0
     )  # fmt: skip
     fit = Fit(Model(case.joint, (stated,)), np.zeros(1), 0.0, [])
-    spread = Spread(fit, np.zeros((1, 1)), 2.0, np.zeros(1))
+    spread = Spread(fit, np.zeros((1, 1)), 2.0, np.zeros((1, 1)))
     assert may_be_as_stated(spread, stated, effect) == same
     assert not may_be_as_stated(spread, replace(stated, nominal=(0.0,)), effect)
 

@@ -81,14 +81,16 @@ class Scatter:
     def untold(self, named: Collection[str]) -> frozenset[str]:
         """Return the numbers that the record leaves open; of named effects only the vaguest.
 
+        A number that only the scale of all torques leaves open is not one of them.
+
         A fit that needs them ends at a bound, or anywhere within a factor of ten: such a number
         predicts as well as others, but it was not found. That of a named effect is vague if its
         interval is several times as wide as it is large.
         """
-        model, z = self.spread.model, self.spread.fit.z
+        model, z, known_scale = self.spread.model, self.spread.fit.z, self.spread.at_scale
         found: set[str] = set()
         for index, term in enumerate(model.terms):
-            span, known = model.span(index), self.spread.intervals(index)
+            span, known = model.span(index), known_scale.intervals(index)
             for number, at in zip(term.numbers, range(span.start, span.stop), strict=True):
                 one = known[number.symbol]
                 wide = number.log and one.high > TENFOLD * one.low
@@ -96,7 +98,7 @@ class Scatter:
                     found |= {self.names[k] for k in np.flatnonzero(self.slopes[:, at])}
         vague = {
             name
-            for name, one in self.intervals().items()
+            for name, one in replace(self, spread=known_scale).intervals().items()
             if one.high - one.low > (TURNED if name in ANGLES else VAGUE * abs(one.value)) > 0.0
         }
         return frozenset(n for n in found if n.split(".")[0] not in named) | vague

@@ -15,7 +15,7 @@ from cjt_gym.gap.horizons.fitting.datasheet import inertias_at
 from cjt_gym.gap.horizons.fitting.fit import LEAST, Fit, Problem, bounded
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
-from cjt_gym.gap.stages.intervals import beside, is_there, known_to_a_factor
+from cjt_gym.gap.stages.intervals import at_known, is_there, known_to_a_factor
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.files.effect_entries import unit_on
 
@@ -44,17 +44,22 @@ class Spread:
         fit: The fit.
         matrix: Covariance, shape (n, n).
         factor: Half width of an interval, in standard deviations.
-        alone: Standard deviations if the scale of all torques were known, shape (n,).
+        known: Covariance if the scale of all torques were known, shape (n, n).
     """
 
     fit: Fit
     matrix: Floats
     factor: float
-    alone: Floats
+    known: Floats
+
+    @property
+    def at_scale(self) -> Spread:
+        """The spread if the scale of all torques were known."""
+        return replace(self, matrix=self.known)
 
     def wider(self, by: float) -> Spread:
         """Return a spread that is wider by a factor."""
-        return replace(self, matrix=self.matrix * by**2, alone=self.alone * by)
+        return replace(self, matrix=self.matrix * by**2, known=self.known * by**2)
 
     @property
     def model(self) -> Model:
@@ -70,7 +75,7 @@ class Spread:
             z = float(self.fit.z[at])
             ends = sorted(self.stated(term, number.value(z + s * half)) for s in (-1.0, 1.0))
             value = self.stated(term, number.value(z))
-            own = self.factor * float(self.alone[at])
+            own = self.factor * float(np.sqrt(max(self.known[at, at], 0.0)))
             if number.unit in SCALED and not number.log:
                 wide, narrow = (x * number.scale for x in (half, own))
                 ends = known_to_a_factor(value, wide) if is_there(value, wide, narrow) else ends
@@ -122,7 +127,7 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
     matrix = inverse @ middle @ inverse
     scales = [k for k, n in enumerate(fit.model.numbers) if n.symbol == "k_t"]
-    alone = beside(matrix, scales)
+    alone = at_known(matrix, scales)
     if not felt:
         matrix += _of_scale(fit, voltage=logs[0].voltage)
     return Spread(fit, matrix, factor, alone)
