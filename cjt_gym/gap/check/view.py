@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -157,13 +157,29 @@ class View:
     # ---- bodies
     @cached_property
     def motor_body(self) -> Body | None:
-        """The motor side, or all bodies if no measured torque cuts them; None without motion."""
+        """The motor side, or all bodies if no torque in a spring cuts them; None without motion."""
         if self.motor_angle is None:
             return None
+        return self._motor_body(self.motor_angle, apart=self.parted)
+
+    def _motor_body(self, angle: str, *, apart: bool) -> Body:
         power = (self.torque_per_input * self._noise(self.drive)) ** 2
-        power += self._through_noise**2 if self.cut or self.wound else 0.0
-        noise = float(np.sqrt(power))
-        return self._body(self.motor_angle, self.motor_torque, noise, self.inertias)
+        power += self._through_noise**2 if apart else 0.0
+        torque = self._own_torque if apart else self._whole_torque
+        body = self._body(angle, torque, float(np.sqrt(power)), self._inertias(apart=apart))
+        return body if apart or not self.wound else replace(body, through=lambda _: None)
+
+    @cached_property
+    def parted(self) -> bool:
+        """Whether the torque in the spring cuts the motor side from the load.
+
+        That of a deflection does where the motor's acceleration shows better so than that of all.
+        """
+        if not self.wound or self.motor_angle is None or self.drive is None:
+            return self.cut
+        bodies = [self._motor_body(self.motor_angle, apart=apart) for apart in (True, False)]
+        one, two = (max(self._sharpness(body, w) for w in self._widths) for body in bodies)
+        return one > two
 
     @cached_property
     def motor(self) -> Balance | None:
@@ -207,8 +223,11 @@ class View:
     @property
     def inertias(self) -> tuple[str, ...]:
         """The inertias that the motor's balance contains."""
-        apart = self.structure.output_fixed or self.cut or self.wound
-        return ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
+        return self._inertias(apart=self.parted)
+
+    def _inertias(self, *, apart: bool) -> tuple[str, ...]:
+        alone = self.structure.output_fixed or apart
+        return ("I_m", "I_g") if alone else ("I_m", "I_g", "I_l")
 
     def _body(
         self,
@@ -238,10 +257,15 @@ class View:
 
     def motor_torque(self, piece: Columns) -> Floats:
         """Return the torque that moves the motor side, from the channels of a stretch."""
-        torque, through = self.driving(piece), self._through(piece)
-        if self.structure.has_spring and through is not None:
-            return np.asarray(torque - through)
-        return np.asarray(torque + piece.get("tau_l", 0.0))
+        return self._own_torque(piece) if self.parted else self._whole_torque(piece)
+
+    def _own_torque(self, piece: Columns) -> Floats:
+        through = self._through(piece)
+        assert through is not None
+        return np.asarray(self.driving(piece) - through)
+
+    def _whole_torque(self, piece: Columns) -> Floats:
+        return np.asarray(self.driving(piece) + piece.get("tau_l", 0.0))
 
     def _through(self, piece: Columns) -> Floats | None:
         """Return the torque through the joint, measured or of its spring's deflection, if known."""
@@ -321,16 +345,21 @@ class View:
     @cached_property
     def width(self) -> int:
         """Samples of the smoothing window, chosen to show the acceleration best."""
+        body = self.motor_body
+        if body is None:
+            return WIDTHS[0]
+        return max(self._widths, key=lambda width: self._sharpness(body, width))
+
+    @property
+    def _widths(self) -> list[int]:
         longest = max(len(piece["t"]) for piece in self.stretches) // 8
         most = max(min(LONGEST / self.dt, longest), WIDTHS[0])
-        return max((width for width in WIDTHS if width <= most), key=self._sharpness)
+        return [width for width in WIDTHS if width <= most]
 
-    def _sharpness(self, width: int) -> float:
+    def _sharpness(self, body: Body, width: int) -> float:
         """Return how well a smoothing window resolves the acceleration above its noise."""
-        body, found = self.motor_body, None
-        if body is not None and self.drive is not None:
-            found = body.balance(width)
-        if body is None or found is None:
+        found = body.balance(width) if self.drive is not None else None
+        if found is None:
             return 0.0
         least = found.least(found["a"], ("v", "s", "one"))
         noise = body.angle_noise * gain(width, 2, self.dt, body.angle)
