@@ -207,7 +207,7 @@ def _with_tolerance(
         if nuisance.field == field:
             direction[k] = nuisance.unknown.scale
     half = NORMAL * max(spread.std_along(direction), EXACT)
-    if not own.log and half >= 1.0:  # it may be none
-        return Interval(total, total * (1.0 - half), total * (1.0 + half), interval.unit)
+    if not own.log and half >= 1.0:  # it may be none, or only its scale is open
+        return interval
     ratio = float(np.exp(half))
     return Interval(total, total / ratio, total * ratio, interval.unit)
