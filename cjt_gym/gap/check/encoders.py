@@ -38,7 +38,9 @@ the load's acceleration, exchanged ones 0.90 to 1.00; of 5 logs of a torsion rig
 def mapped_twice(view: View) -> list[str]:
     """Return a sentence if both ends of a spring have the same angle in every row."""
     both = view.structure.has_spring and {"q_m", LATE} <= set(view.channels)
-    if not both or any(np.any(piece["q_m"] != piece[LATE]) for piece in view.stretches):
+    if not (both and view.channels["q_m"].moves) or any(
+        np.any(piece["q_m"] != piece[LATE]) for piece in view.stretches
+    ):
         return []
     return ["q_l repeats q_m in every row: one column seems to be mapped twice."]
 

@@ -59,8 +59,8 @@ SHADOW = 0.25
 """Confidence below which an effect is attributed to a cause outside the table."""
 ASTRAY, STILL = 20.0, 0.5
 """Residual of the load, in units of its noise and as a share of that before, above which nothing is
-explained: two encoders that were exchanged, or one of which was read four times too small, left 89
-and 101 of 81 and more on a torsion rig, which was right otherwise left 3.6 of 10."""
+explained. On a torsion rig it was 3.6 after 10; with exchanged encoders 89 after 81, and 101 where
+one angle was read four times too large."""
 UNMOVED = (
     "One sample ahead the load's angle is off by {} times its noise, with these effects as "
     "without: look at the columns of both angles."

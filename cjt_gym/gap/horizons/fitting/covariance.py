@@ -81,11 +81,10 @@ class Scatter:
     def untold(self, named: Collection[str]) -> frozenset[str]:
         """Return the numbers that the record leaves open; of named effects only the vaguest.
 
-        A number that only the scale of all torques leaves open is not one of them.
-
         A fit that needs them ends at a bound, or anywhere within a factor of ten: such a number
         predicts as well as others, but it was not found. That of a named effect is vague if its
-        interval is several times as wide as it is large.
+        interval is several times as wide as it is large. A number that only the scale of all
+        torques leaves open is not one of them.
         """
         model, z, known_scale = self.spread.model, self.spread.fit.z, self.spread.at_scale
         found: set[str] = set()
