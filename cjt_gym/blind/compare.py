@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from cjt_gym.blind.plant import STRUCTURES
+
 Values = Mapping[str, float]
 Label = Mapping[str, Any]
 
@@ -25,11 +27,12 @@ def _excess(label: Label, symbol: str) -> float:
 
 
 def _drag(symbol: str) -> Callable[[Values, Label], float]:
-    """Return a function for the damping of the motor, with the gear's if they move together."""
+    """Return a function for the damping of all bodies that move with the motor."""
 
     def drag(values: Values, label: Label) -> float:
-        joined = label["structure"] not in ("full_dynamics", "output_fixed")
-        return values[symbol] + (float(label["true"]["d_g"]) if joined else 0.0)
+        motor, *others, _ = STRUCTURES[label["structure"]].leads
+        joined = [f"d_{b}" for b, lead in zip("gl", others, strict=True) if lead == motor]
+        return values[symbol] + sum(float(label["true"][name]) for name in joined)
 
     return drag
 

@@ -155,7 +155,7 @@ def true_label(name: str, structure: str = "full_dynamics", **values: float) -> 
         "parameters": {name: values},
         "places": {},
         "structure": structure,
-        "true": {"I_g": 0.12, "d_g": 2.5, "k_b": 5000.0},
+        "true": {"I_g": 0.12, "d_g": 2.5, "d_l": 0.5, "k_b": 5000.0},
         "stated": {"I_g": 0.1, "d_g": 2.0, "d_m": 0.2, "k_b": 5100.0},
     }
 
@@ -204,13 +204,19 @@ def test_gear_of_a_rigid_gearbox_is_part_of_the_motor() -> None:
     assert row["true"] == pytest.approx(0.3)
 
 
-def test_damping_of_a_rigid_gearbox_is_that_of_both() -> None:
-    (row,) = compare(true_label("damping", "rigid", d_m=1.0), effect("damping", d_m=(3.4, 3.6)))
-    assert row["true"] == pytest.approx(3.5)
+@pytest.mark.parametrize(
+    ("structure", "total"),
+    [("full_dynamics", 1.0), ("output_fixed_rigid_gearbox", 3.5), ("rigid", 4.0)],
+)
+def test_damping_is_that_of_all_bodies_that_move_with_the_motor(
+    structure: str, total: float
+) -> None:
+    (row,) = compare(true_label("damping", structure, d_m=1.0), effect("damping", d_m=(3.4, 3.6)))
+    assert row["true"] == pytest.approx(total)
 
 
-def test_damping_per_direction_is_that_of_both() -> None:
-    key = true_label("viscous_asym", "rigid", d_m=0.3, d_m_n=1.3)
+def test_damping_per_direction_is_that_of_all() -> None:
+    key = true_label("viscous_asym", "rigid_gearbox", d_m=0.3, d_m_n=1.3)
     key |= {"places": {"viscous_asym": "motor"}}
     given = effect("viscous_asym", "motor", d_m=(0.5, 0.7), d_m_n=(1.5, 1.7))
     rows = {row["parameter"]: row["true"] for row in compare(key, given)}

@@ -19,7 +19,7 @@ from cjt_gym.gap.horizons.prediction.model import Model, Scales
 from cjt_gym.gap.horizons.prediction.pieces import cut, split
 from cjt_gym.gap.horizons.selection.judge import _finer
 from cjt_gym.gap.horizons.selection.search_result import Found
-from cjt_gym.joint import get_structure
+from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.joint import Joint
 from tests.gap.horizons.rotor import DRY, datasheet, record
 
@@ -47,6 +47,18 @@ def test_a_number_that_is_fitted_as_a_difference_gets_the_interval_of_its_own() 
     ends = found.intervals()["viscous_asym.d_m_n"]
     half = 2.0 * np.sqrt(both)
     assert (ends.low, ends.high) == pytest.approx((max(0.5 - half, 0.0), 0.5 + half), rel=1e-6)
+
+
+def test_damping_backward_is_as_forward_that_of_all_bodies_that_move_with_the_motor() -> None:
+    geared = JointFile(datasheet().parameters.replace(d_g=0.2))
+    joint = Joint(geared, "rigid", "current", {})
+    damping = base_terms(joint, SCALES)[1]
+    skew = next(t for t in _friction(joint, SCALES, "m") if t.name == "viscous_asym")
+    rows = Model(joint, (damping, skew)).draft(np.zeros(2)).effects
+    forward, backward = (rows[name] for name in ("damping", "viscous_asym"))
+    assert forward["d_m"] >= 0.2
+    assert backward["d_m_n"] == pytest.approx(forward["d_m"])
+    assert [backward[f"d_{body}_n"] for body in "gl"] == [0.0, 0.0]
 
 
 def test_the_components_of_a_weight_become_its_size_and_angle() -> None:

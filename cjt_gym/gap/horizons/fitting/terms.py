@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.prediction.forward import delaying_substep
 from cjt_gym.gap.horizons.prediction.log import Log
-from cjt_gym.gap.horizons.prediction.model import Draft, Free, Put, Scales, Term, motor_inertia
+from cjt_gym.gap.horizons.prediction.model import (
+    Draft,
+    Free,
+    Put,
+    Scales,
+    Term,
+    body_group,
+    motor_inertia,
+)
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
 from cjt_gym.joint import EFFECTS, Joint
 
@@ -139,6 +147,7 @@ def _falling(scales: Scales) -> tuple[tuple[float, float], ...]:
 def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
     name, level = BODIES[body], 0.2 * scales.torque
     nominal = _listed_coulomb(joint, body)
+    counted_with = body_group(joint.structure_row, "m")[1:] if body == "m" else ()  # as by damping
 
     def coulomb(draft: Draft, values: Sequence[float]) -> None:
         asymmetric = "coulomb_asym" in draft.effects
@@ -163,7 +172,9 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
 
     def viscous(draft: Draft, values: Sequence[float]) -> None:
         up = draft.effects.get("damping", {}).get(f"d_{body}", 0.0)
-        draft.row("viscous_asym")[f"d_{body}_n"] = max(float(up) + values[0], 0.0)  # type: ignore[arg-type]
+        row = draft.row("viscous_asym")
+        row[f"d_{body}_n"] = max(float(up) + values[0], 0.0)  # type: ignore[arg-type]
+        row.update({f"d_{other}_n": 0.0 for other in counted_with})
 
     def presliding(draft: Draft, values: Sequence[float]) -> None:
         draft.row("presliding")[f"sigma_{body}"] = values[0]
