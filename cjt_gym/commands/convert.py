@@ -40,8 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "joint from which comes what JOINT.m leaves open; generic has the toolbox's defaults"
     add("--defaults", metavar="JOINT", help=text)
     add("--joint", metavar="NAME", help="the joint of which LOG, or the configuration, has several")
-    endings = ", ".join(ending for ending, form in FORMATS.items() if form.write is not None)
-    text = f"file to write ({endings}; .toml for a joint; {SUFFIX} for a draft of LOG's mapping)"
+    text = f"file to write ({_endings()}; .toml for a joint; {SUFFIX} for a draft of LOG's mapping)"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
 
 
@@ -51,6 +50,11 @@ def run(options: argparse.Namespace) -> Answer:
         return _write_joint(options)
     if options.out.name.endswith(SUFFIX):
         return _write_draft(options)
+    if options.out.suffix == ".toml":
+        raise ConfigurationError(
+            f"--out of a log must be a record ({_endings()}) or, for a draft of its mapping, end "
+            f"in {SUFFIX}, got {options.out}."
+        )
     if options.defaults is not None:
         raise ConfigurationError(f"--defaults is for a joint (.m), got the log {options.log}.")
     records, repairs = _read(options)
@@ -66,6 +70,10 @@ def run(options: argparse.Namespace) -> Answer:
     ]
     lines = [f"{w['record']}: {w['samples']} samples of {', '.join(w['columns'])}" for w in written]
     return {"records": written, "repairs": [str(repair) for repair in repairs]}, "\n".join(lines)
+
+
+def _endings() -> str:
+    return ", ".join(ending for ending, form in FORMATS.items() if form.write is not None)
 
 
 def _write_joint(options: argparse.Namespace) -> Answer:

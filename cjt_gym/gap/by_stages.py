@@ -135,7 +135,7 @@ def _diagnosed(
     known = explanation.problem.stages.setting
     replayed = [as_noisy(one, known) for one in replayed]
     source = source_of(file, shape, _records(fitted), _records(tested))
-    title = title_of(fitted[0].record)
+    title = title_of(*_records(fitted))
     return Staged(*_report(explanation, replayed or [known], bool(replayed), source, title))
 
 

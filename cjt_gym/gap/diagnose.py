@@ -130,7 +130,7 @@ def diagnose(
         if found.verdict != "no_gap":
             alone = shape.output_fixed and not any("tau" in one for one in given)
             remarks += unstated_damping(file, found.joint, alone=alone)
-        joint = with_sensors(found.joint, found.effects, title_of(given[0]))
+        joint = with_sensors(found.joint, found.effects, title_of(*given))
         found = replace(found, joint=joint)
         if ask is not None and found.suggestion is open_:
             progress("looking for the record that would tell most")

@@ -90,8 +90,9 @@ def _too_large(name: str, x: FloatArray) -> Repair | None:
         return None
     if name.startswith("q_") and np.ptp(known) > MANY_TURNS:
         text = (
-            f"{name}: spans {np.ptp(known):.4g} rad. If these are degrees or the rotor's angle, "
-            "map the column with unit = 'deg' or side = 'motor'."
+            f"{name}: spans {np.ptp(known):.4g} rad, {np.ptp(known) / (2.0 * np.pi):.3g} turns. If "
+            "these are degrees or the rotor's angle, map the column with unit = 'deg' or side = "
+            "'motor'."
         )
     elif name.startswith("i") and np.abs(known).max() > STRONG:
         text = (

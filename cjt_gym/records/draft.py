@@ -45,6 +45,8 @@ MOTOR: Final = "m motor rotor"
 OUTSIDE: Final = "load ext external"
 OTHERS: Final = "gravity hall pid gain"
 """Words of what is computed, or measured for something else."""
+OTHER_SIDE: Final = {"q_m": "q_l", "dq_m": "dq_l"}
+"""What the second of two equal sensors measures: the other side of a spring."""
 SIDED: Final = ("q_m", "dq_m", "tau_m", "tau_cmd")
 
 
@@ -59,6 +61,8 @@ def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
     rest: list[str] = []
     for name, values in table.items():
         column = guess(name) if _has_numbers(values) else None
+        if column in OTHER_SIDE and _is_second(name, guesses.get(column, "")):
+            column = OTHER_SIDE[column]
         if column is None or column in guesses:
             rest.append(f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {_quoted(name)}\n")
         else:
@@ -99,6 +103,12 @@ def guess(name: str) -> str | None:
     return kind + ("_l" if _any(LOAD, words) else "_g" if _any(GEAR, words) else "_m")
 
 
+def _is_second(name: str, first: str) -> bool:
+    """Return whether two names differ by their numbers alone, as Encoder 1 and Encoder 2."""
+    plain = (re.sub(r"\d+", "", one) for one in (name, first))
+    return len(set(plain)) == 1 and name != first
+
+
 def _words(name: str) -> set[str]:
     """Return the words of a name in small letters, with units of more than one word as one."""
     own = re.sub(r"\bmN\W?m\b", "Nm", name.rpartition(":")[2] or name)
@@ -122,6 +132,8 @@ def _table(column: str, name: str, values: NDArray[Any]) -> str:
     lines.append(f'unit = "{unit or UNKNOWN}"{among}')
     if unit in ("counts", "counts/s"):
         lines.append(f'counts_per_rev = "{UNKNOWN}"')
+    if column == "v":
+        lines.append("# if it commands a current: [columns.i_cmd], and k_t of the joint in N m/V")
     if column in SIDED:
         lines.append('side = "?"  # motor: taken before the gear; link: after it, or there is none')
     return "\n".join(lines) + "\n"

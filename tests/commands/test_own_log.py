@@ -181,6 +181,13 @@ def test_columns_are_guessed_by_name(name: str, wanted: str) -> None:
     assert wanted in text
 
 
+def test_a_draft_under_another_ending_is_told_which(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", str(log), "--out", str(log.with_suffix(".draft.toml"))]) == 2
+    assert "for a draft of its mapping, end in .map.toml" in capsys.readouterr().err
+
+
 def test_a_column_without_numbers_is_not_taken_for_the_time() -> None:
     text = draft("log.csv", {"timestamp": np.full(3, np.nan), "pos": np.arange(3.0)})
     assert "[columns.t]" not in text

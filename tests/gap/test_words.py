@@ -39,6 +39,8 @@ def test_numbers_are_short_and_honest() -> None:
     at_an_end = Interval(20.0 - 4e-15, 1.0, 20.0, "-")
     assert interval(at_an_end) == "20 (1 … 20)"
     assert interval(Interval(18.3, 1.95, 12170.0, "-")) == "18 (2 … 12000)"  # a scale over decades
+    assert interval(Interval(0.77, 0.77, 91584.0, "-")) == "0.77 (0.77 … 90000)"
+    assert interval(Interval(0.31, 0.0004, 1.02, "-")) == "0.31 (0.00040 … 1.0)"
 
 
 @pytest.mark.parametrize(("unit", "over"), [("N m", "revolution"), ("N", "2π m")])

@@ -337,6 +337,16 @@ def test_a_draft_knows_what_a_name_tells_of_and_what_it_does_not(
     assert ('unit = "deg/s"' in text) == name.endswith("[dps]")
 
 
+def test_the_second_of_two_equal_sensors_is_on_the_other_side_of_the_spring() -> None:
+    names = ("Encoder 1 [counts]", "Encoder 2 [counts]", "Encoder 3 [counts]", "Motor position")
+    text = draft("log.csv", {name: np.array([0.0, 1.0]) for name in names})
+    first, second, third, fourth = (text.split(name)[0].splitlines()[-2:] for name in names)
+    assert first[0].startswith("[columns.q_m]")
+    assert second[0].startswith("[columns.q_l]")
+    assert third[0].startswith("# [columns.?]")
+    assert fourth[0].startswith("# [columns.?]")
+
+
 @pytest.mark.parametrize(
     ("column", "word", "usual"),
     [

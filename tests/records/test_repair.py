@@ -329,7 +329,7 @@ def test_infinite_values_become_missing_and_empty_logs_are_refused() -> None:
 
 
 DOUBTS = [
-    ({"q_m": 180.0}, "unit", "q_m", "spans .* rad. If these are degrees"),
+    ({"q_m": 180.0}, "unit", "q_m", "spans .* turns. If these are degrees"),
     ({"i": 1e3}, "unit", "i", "If these are milliampere"),
     ({"t": 1e3}, "unit", "t", "If these are milliseconds"),
     ({"dq_m": 180.0 / np.pi}, "unit", "dq_m", "as if in deg/s"),

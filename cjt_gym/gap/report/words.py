@@ -114,7 +114,9 @@ def interval(p: Interval) -> str:
     ends = (2.0 * away for away in (p.value - p.low, p.high - p.value))
     below, above = (_decimals(away if away > AT_THE_END * width else width) for away in ends)
     value, low, high = (
-        f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", MINUS)
+        number(x, 2)
+        if x != 0.0 and abs(x) < 0.5 * 10.0**-decimals  # it would look like none
+        else f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", MINUS)
         for x, decimals in ((p.value, max(below, above)), (p.low, below), (p.high, above))
     )
     unit = "" if p.unit in ("", "-") else f" {p.unit}".replace(" ", SPACE)

@@ -93,7 +93,7 @@ def judged(
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")
         return allowed_by(replace(first, unexplained=left), excluded)
     measured = any("i" in one for one in records)
-    told = _told(first, found, excluded, title_of(records[0]), measured=measured)
+    told = _told(first, found, excluded, title_of(*records), measured=measured)
     return _with_disturbance(_with_counts(told, file), found, records, held)
 
 
@@ -271,6 +271,8 @@ def _suspected(
     return replace(told, verdict="partly_explained", effects=suspects, unexplained=left)
 
 
-def title_of(record: Record) -> str:
-    """Return a short name of a record: that of its file."""
-    return record.owner if record.origin is None else record.origin.stem
+def title_of(*records: Record) -> str:
+    """Return a short name of records: that of the first one's file, and how many there are more."""
+    first, *more = records
+    name = first.owner if first.origin is None else first.origin.stem
+    return f"{name} and {len(more)} more" if more else name
