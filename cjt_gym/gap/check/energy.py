@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
@@ -22,6 +23,10 @@ SHORTEST = 2.0
 """Shortest stretch between two gaps in which returns count [s]."""
 SPREAD = 4
 """Decades of inertia, on either side of the usual one, that are tried."""
+HARDLY = 0.2
+"""Least change of a joint's energy from one return to the next, relative to all of it, against
+which a gain counts: what a pendulum of little friction loses in a swing is smaller than the noise
+of its speed."""
 NOT_THE_INPUT = "it is not the input that moves the joint"
 FOREIGN = 0.1
 """Least gain that is told, relative to all energy that the motor gives and takes. Sixty records of
@@ -86,11 +91,13 @@ def _share(view: View, sign: float = 1.0) -> float:
     levels = np.quantile(np.concatenate([q for q, *_ in walks]), LEVELS)
     found = []
     for level in levels:
-        given, moved, exchanged = [], [], 0.0
+        given, moved, kept, exchanged = [], [], 0.0, 0.0
         for q, work, speed, gross in walks:
             at = np.flatnonzero(np.diff(np.sign(q - level)) != 0.0)
-            given.append(np.diff(sign * work[at]))
-            moved.append(np.diff(0.5 * speed[at] ** 2))
+            power = 0.5 * _at_level(speed, q, level, at) ** 2
+            given.append(np.diff(sign * _at_level(work, q, level, at)))
+            moved.append(np.diff(power))
+            kept += float(power.sum())
             exchanged += float(gross[at[-1]] - gross[at[0]]) if len(at) else 0.0
         if sum(map(len, given)) < FEWEST:
             continue
@@ -98,8 +105,15 @@ def _share(view: View, sign: float = 1.0) -> float:
         if exchanged > 0.0 and not _is_constant(view):
             found.append(_gain(work, change) / exchanged)
         elif np.any(change):
-            found.append(float(np.maximum(change, 0.0).sum() / np.abs(change).sum()))
+            all_of_it = max(np.abs(change).sum(), HARDLY * kept)
+            found.append(float(np.maximum(change, 0.0).sum() / all_of_it))
     return float(np.median(found)) if len(found) > len(LEVELS) / 2 else 0.0
+
+
+def _at_level(x: Floats, q: Floats, level: float, at: NDArray[np.intp]) -> Floats:
+    """Return a signal at the instants, between two rows each, at which the joint is at an angle."""
+    share = (level - q[at]) / (q[at + 1] - q[at])
+    return np.asarray(x[at] + share * (x[at + 1] - x[at]))
 
 
 def _gain(given: Floats, moved: Floats) -> float:

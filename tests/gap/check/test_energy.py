@@ -88,9 +88,13 @@ def test_a_joint_that_moves_without_an_input_is_moved_by_another(i: float, said:
         diagnose(off, datasheet())
 
 
-def test_a_pendulum_that_swings_down_gains_nothing() -> None:
+@pytest.mark.parametrize("slowing", [0.1, 0.005])
+def test_a_pendulum_that_swings_down_gains_nothing(slowing: float) -> None:
     t = DT * np.arange(15000)
-    columns = {"t": t, "i": np.zeros(len(t)), "q_m": np.exp(-0.1 * t) * np.cos(5.0 * t)}
+    late = 5e-4 * np.random.default_rng(3).standard_normal(len(t))
+    angle = np.exp(-slowing * t) * np.cos(5.0 * (t + late))
+    counts = 2.0 * np.pi / 14400.0
+    columns = {"t": t, "i": np.zeros(len(t)), "q_m": counts * np.round(angle / counts)}
     swinging = Record(columns, {"t": "s", "i": "A", "q_m": "rad"}, structure="rigid")
     assert foreign(View.of([swinging], None, None)) == []
 
