@@ -22,6 +22,7 @@ from cjt_gym.gap.horizons.findings.naming_rules import (
     is_overwhelming,
     may_be_as_stated,
     share_removed,
+    shares,
 )
 from cjt_gym.gap.horizons.findings.not_confirmed import STRAIGHT
 from cjt_gym.gap.horizons.findings.verdict import HALVED, main_row, unknown_row, worst_row
@@ -100,8 +101,11 @@ def _of_search(
         at_once = term.name in LATE and follows_at_once(judged)
         if at_once or open_ or not (there and term.told):
             continue
-        if is_named(judged, k, term, seen, alone=alone):
+        beside = shares(judged, k)
+        if is_named(judged, k, term, seen, alone=alone, shared=bool(beside)):
             effect = _named(judged, spread, k, term)
+            if beside:
+                effect = effect.or_else([beside]).doubted(_instead([beside]))
             if _is_dry(judged, k, seen):
                 effect = effect.or_else(["coulomb"]).doubted(_instead(["coulomb"]))
             if may_be_as_stated(spread, term, effect) or is_open(judged, effect):

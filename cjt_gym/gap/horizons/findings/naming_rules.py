@@ -17,6 +17,7 @@ from cjt_gym.gap.horizons.prediction.model import Term
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.gap.horizons.selection.stepwise import is_needed, leave
+from cjt_gym.gap.horizons.selection.worth import worth
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
 from cjt_gym.gap.horizons.torque.inverse import DRAGS, inverse, swinging
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, is_left_open
@@ -38,12 +39,20 @@ FELT = 0.2
 """Relative difference up to which a regression has the same friction."""
 MUCH = 0.5
 """Share of the squared error that an effect which others may mimic must remove."""
+SEVERAL = 2.0
+"""Multiple of its price by which two laws that share the friction must lower the cost together."""
 NOTHING = 1e-3
 """Share of a search step by which an effect must differ from no effect."""
 
 
 def is_named(
-    judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent], *, alone: bool = False
+    judged: Judgement,
+    index: int,
+    term: Term,
+    seen: Mapping[str, Spent],
+    *,
+    alone: bool = False,
+    shared: bool = False,
 ) -> bool:
     """Return whether a term is supported and deviates beyond what the datasheet allows.
 
@@ -54,16 +63,17 @@ def is_named(
         seen: Effects that a regression of the torque shows.
         alone: Whether no other term is named although predictions are much better: what left a
             stated tolerance by far is then named even if few places show it.
+        shared: Whether it is one of two laws that the record supports together, as `shares` says.
     """
     assert judged.found is not None
     found = judged.found
     values = found.fit.model.values(found.fit.z)[index]
-    worth = found.worths[index]
-    told = (worth.enough and worth.seen) or is_needed(found.fit, index)
-    told = told or (worth.enough and term.restated and _is_felt(judged, term, values))
+    own = found.worths[index]
+    told = (own.enough and own.seen) or is_needed(found.fit, index)
+    told = told or (own.enough and term.restated and _is_felt(judged, term, values))
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False
-    told = told or agrees(seen.get(term.name), values)
+    told = told or shared or agrees(seen.get(term.name), values)
     if not (told or (alone and is_far_off(judged, term, values[0]))):
         return False
     if term.name == "gravity" and "gravity" not in seen and not _weighs(judged, values):
@@ -84,6 +94,34 @@ def is_named(
         return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
+
+
+def shares(judged: Judgement, index: int) -> str:
+    """Return the law of friction with which a term does what neither need do alone, "" if none.
+
+    Damping and dry friction of a motor may each take the other's place, so that leaving out one
+    costs little, and leaving out both much.
+    """
+    assert judged.found is not None
+    assert judged.problem is not None
+    found = judged.found
+    drags = [k for k, t in enumerate(found.fit.model.terms) if _is_drag(t)]
+    if index not in drags or len(drags) < 2:
+        return ""
+    if any(found.worths[k].enough and found.worths[k].seen for k in drags):
+        return ""
+    less = found.less[index]
+    (other,) = (k for k, t in enumerate(less.model.terms) if _is_drag(t))
+    both = worth(
+        judged.problem, leave(judged.problem, less, other), found.fit, found.fit.model.terms[index]
+    )
+    if both.fall <= SEVERAL * both.price or both.clear <= both.needed:
+        return ""
+    return less.model.terms[other].name
+
+
+def _is_drag(term: Term) -> bool:
+    return term.name in DRAGS and term.body == "motor"
 
 
 def _is_felt(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
@@ -160,13 +198,13 @@ def is_overwhelming(judged: Judgement, index: int, excluded: Collection[str]) ->
     assert judged.found is not None
     assert judged.problem is not None
     found, term = judged.found, judged.found.fit.model.terms[index]
-    less, worth = found.less[index], found.worths[index]
-    if term.name in DRAGS and term.body == "motor" and DRAGS.issubset(excluded):
-        left = [k for k, t in enumerate(less.model.terms) if t.name in DRAGS and t.body == "motor"]
+    less, own = found.less[index], found.worths[index]
+    if _is_drag(term) and DRAGS.issubset(excluded):
+        left = [k for k, t in enumerate(less.model.terms) if _is_drag(t)]
         less = leave(judged.problem, less, left[0]) if left else less
-        loud = less.cost - found.fit.cost > LOUDEST * worth.price
+        loud = less.cost - found.fit.cost > LOUDEST * own.price
         return loud and share_removed(less, found.fit) > MUCH
-    clear = worth.clear > SURE * worth.needed and worth.fall > LOUDEST * worth.price
+    clear = own.clear > SURE * own.needed and own.fall > LOUDEST * own.price
     return clear and share_removed(less, found.fit) > MUCH
 
 
