@@ -20,6 +20,7 @@ from cjt_gym.gap.horizons.torque.inverse import (
     drag_law,
     feels_weight,
     inverse,
+    leans,
     seen_in_torque,
     spent,
 )
@@ -105,6 +106,21 @@ def test_a_constant_torque_is_felt_as_no_weight(arm: JointFile) -> None:
         record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
         case = make_case([record], [], arm, get_structure("rigid"))
         assert feels_weight(case.joint, case.logs) == felt
+
+
+def test_the_ground_that_pushes_a_leg_from_one_side_is_told_from_a_weight(arm: JointFile) -> None:
+    weighs = held_record(0, 0.1)
+    q, t = weighs["q_m"], weighs.t
+    rubs = 10.0 * weighs["i"] - WEIGHT * np.sin(q)
+    pushes = {"weight": WEIGHT * np.sin(q + 0.7), "ground": -WEIGHT * (q > -0.2)}
+    found = {}
+    for name, push in pushes.items():
+        columns = {"t": t, "q_m": q, "i": (rubs + push) / 10.0}
+        record = Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+        case = make_case([record], [], arm, get_structure("rigid"))
+        assert feels_weight(case.joint, case.logs), name
+        found[name] = leans(case.joint, case.logs)
+    assert found == {"weight": False, "ground": True}
 
 
 @pytest.mark.slow

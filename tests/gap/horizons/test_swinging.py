@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,19 @@ def test_its_weight_is_named_though_a_regression_of_the_torque_hides_it() -> Non
     (weight,) = (e for e in found.effects if e.name == "gravity")
     assert weight.parameters["torque"].value == pytest.approx(WEIGHT, rel=0.15)
     assert weight.status == "tentative"
+
+
+def test_a_pendulum_without_a_motor_has_the_weight_that_its_inertia_is_sure_of() -> None:
+    t, off = DT * np.arange(2000), 1.06
+    w = np.sqrt(WEIGHT / INERTIA)
+    q = 0.3 * np.exp(-0.02 * t) * np.cos(w * t)
+    columns = {"t": t, "tau_cmd": np.zeros(len(t)), "q_m": np.round(q / 1e-4) * 1e-4}
+    record = Record(columns, {"t": "s", "tau_cmd": "N m", "q_m": "rad"}, structure="rigid")
+    file = guess()
+    stated = Quantity(off * INERTIA, "kg m^2", "sheet", 0.05)
+    found = diagnose(record, replace(file, parameters=file.parameters.replace(I_m=stated)))
+    (weight,) = (e for e in found.effects if e.name == "gravity")
+    torque = weight.parameters["torque"]
+    assert torque.value == pytest.approx(off * WEIGHT, rel=0.02)
+    assert torque.low < WEIGHT < torque.high
+    assert 0.15 < (torque.high - torque.low) / torque.value < 0.7

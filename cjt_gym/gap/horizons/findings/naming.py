@@ -35,7 +35,7 @@ from cjt_gym.gap.horizons.prediction.log import goes_both_ways
 from cjt_gym.gap.horizons.prediction.model import SKEW, Term
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
-from cjt_gym.gap.horizons.torque.inverse import feels_weight
+from cjt_gym.gap.horizons.torque.inverse import feels_weight, leans
 from cjt_gym.gap.recorded.tolerances import VAGUE, tolerance_of
 
 FIRM = 2.0
@@ -243,13 +243,20 @@ def _alike(judged: Judgement, index: int, term: Term) -> tuple[str, ...]:
     if term.name in SKEW and len(SKEW & names) > 1:
         same = tuple(sorted(SKEW - {term.name}))
     same = (*same, *held_alike(term.name, judged.joint, log))
-    if term.name == "gravity" and scales_of(judged.case.joint, judged.case.logs).travel < STRAIGHT:
+    if term.name == "gravity" and _may_push(judged):
         same = (*same, "contact")
     if term.name == "gravity" and term.restated:
         same = (*same, "torque_constant")
     if term.name in LATE and log.drive != "i":
         same = (*same, *(LATE - {term.name}))
     return tuple(dict.fromkeys((*genuine, *same)))
+
+
+def _may_push(judged: Judgement) -> bool:
+    """Return whether what looks like a weight may be a spring beside the joint or the ground."""
+    joint, logs = judged.case.joint, judged.case.logs
+    single = joint.structure_row.size == 1
+    return scales_of(joint, logs).travel < STRAIGHT or (single and leans(joint, logs))
 
 
 def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], removed: float) -> str:
@@ -330,11 +337,12 @@ def _is_at_an_end(fit: Fit, index: int) -> bool:
 def _is_unfelt(judged: Judgement, term: Term) -> bool:
     """Return whether the torque of a single mass does not show its weight.
 
-    Where the input is noisy, a pull to the middle of the motion makes predictions drift less.
+    Where the input is noisy, a pull to the middle of the motion makes predictions drift less. A
+    joint that coasts has no input.
     """
-    single = judged.case.joint.structure_row.size == 1
-    weighs = term.name == "gravity" and single
-    return weighs and not feels_weight(judged.case.joint, judged.case.logs)
+    joint, logs = judged.case.joint, judged.case.logs
+    weighs = term.name == "gravity" and joint.structure_row.size == 1
+    return weighs and not scales_of(joint, logs).coasts and not feels_weight(joint, logs)
 
 
 def _is_back_emf(judged: Judgement, index: int) -> bool:

@@ -11,8 +11,10 @@ from scipy.stats import t as student
 
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.horizons.fitting.base_terms import INERTIA
 from cjt_gym.gap.horizons.fitting.datasheet import inertias_at
 from cjt_gym.gap.horizons.fitting.fit import LEAST, Fit, Problem, bounded
+from cjt_gym.gap.horizons.fitting.terms import scales_of
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
 from cjt_gym.gap.stages.intervals import at_known, is_there, known_to_a_factor
@@ -128,7 +130,9 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     matrix = inverse @ middle @ inverse
     scales = [k for k, n in enumerate(fit.model.numbers) if n.symbol == "k_t"]
     alone = at_known(matrix, scales)
-    if not felt:
+    if scales_of(fit.model.joint, logs).coasts:
+        matrix += _of_inertia(fit)
+    elif not felt:
         matrix += _of_scale(fit, voltage=logs[0].voltage)
     return Spread(fit, matrix, factor, alone)
 
@@ -169,6 +173,18 @@ def _of_scale(fit: Fit, *, voltage: bool) -> Floats:
     way = _way(fit, voltage=voltage)
     known += sum(x**2 for x, number in zip(way, numbers, strict=True) if number.prior)
     return np.asarray(np.outer(way, way) / known)
+
+
+def _of_inertia(fit: Fit) -> Floats:
+    """Return the covariance that the datasheet's inertia adds where nothing drives the joint.
+
+    Friction and weight show in proportion to the inertia there, which the fit takes as stated.
+    """
+    joint = fit.model.joint
+    own = {s: joint.parameters.get(s, 0.0) for s in inertias_at(joint, 1.0)}
+    off = [min(tolerance_of(joint.file, s, INERTIA), GUESSED) * x for s, x in own.items()]
+    way = _way(fit, voltage=False)
+    return np.asarray(np.outer(way, way) * (float(np.linalg.norm(off)) / sum(own.values())) ** 2)
 
 
 def _way(fit: Fit, *, voltage: bool) -> Floats:
