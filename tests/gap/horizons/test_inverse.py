@@ -123,6 +123,20 @@ def test_the_ground_that_pushes_a_leg_from_one_side_is_told_from_a_weight(arm: J
     assert found == {"weight": False, "ground": True}
 
 
+def test_a_wheel_that_runs_out_shows_its_friction_beyond_the_noise_of_its_speed() -> None:
+    t = 0.02 * np.arange(6000)
+    slowing, dry = 0.02, 0.002 / ROTOR  # of the speed [1/s], and by dry friction [rad/s^2]
+    speed = (60.0 + dry / slowing) * np.exp(-slowing * t) - dry / slowing
+    noisy = speed + 0.3 * np.random.default_rng(0).standard_normal(len(t))
+    columns = {"t": t, "tau_cmd": np.zeros(len(t)), "dq_m": noisy}
+    wheel = Record(columns, {"t": "s", "tau_cmd": "N m", "dq_m": "rad/s"}, structure="rigid")
+    case = make_case([wheel], [], datasheet(1.0, 0.02), get_structure("rigid"))
+    seen = seen_in_torque(case.joint, case.logs, {"torque_offset", "coulomb_asym"})
+    assert seen["coulomb"].values[0] == pytest.approx(0.002, rel=0.1)
+    assert seen["damping"].values[0] == pytest.approx(slowing * ROTOR, rel=0.1)
+    assert set(seen) == {"coulomb", "damping"}
+
+
 @pytest.mark.slow
 def test_the_damping_of_the_datasheet_is_no_cause(arm: JointFile) -> None:
     plain, known = (judgement(arm, **d).case for d in ({}, {"d_m": DAMPING}))

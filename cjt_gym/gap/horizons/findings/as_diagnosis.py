@@ -20,6 +20,7 @@ from cjt_gym.gap.digits import plain
 from cjt_gym.gap.horizons.findings.by_torque import (
     HELD,
     KEPT,
+    RUNS_OUT,
     SET,
     agrees,
     beside_torque,
@@ -46,6 +47,7 @@ from cjt_gym.gap.horizons.findings.verdict import (
     verdict_of,
 )
 from cjt_gym.gap.horizons.fitting.datasheet import stated_tolerance
+from cjt_gym.gap.horizons.fitting.terms import scales_of
 from cjt_gym.gap.horizons.prediction.model import Term
 from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, Judgement
@@ -136,7 +138,8 @@ def retold(
     stages = marked(stages, verdict, (*effects, *first.effects))
     unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:
-        unexplained = replace(unexplained, text=f"{HELD}{told_in} {unexplained.text}")
+        why = RUNS_OUT if scales_of(judged.case.joint, judged.case.logs).coasts else HELD
+        unexplained = replace(unexplained, text=f"{why}{told_in} {unexplained.text}")
     elif said := corrected(judged) if effects else refined(judged):
         unexplained = replace(unexplained, text=f"{said} {unexplained.text}".strip())
     load = stages["load"]

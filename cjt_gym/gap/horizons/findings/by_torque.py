@@ -24,12 +24,16 @@ from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effects import friction
 from cjt_gym.joint.files.effect_entries import unit_on
 
-HELD = (
-    "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
-    "effects and their numbers come from a regression of the torque on the motion; "
+HELD, RUNS_OUT = (
+    f"{why} The named effects and their numbers come from a regression of the torque on the "
+    "motion; "
+    for why in (
+        "The torque hardly determines the motion, as when a controller tracks a trajectory.",
+        "Nothing drives the joint, and within half a second noise hides how it slows down.",
+    )
 )
-"""Message used when effects are identified from the torque alone, followed by what the joint file
-has."""
+"""Messages used when effects are identified from the torque alone, that of a joint that is driven
+and that of one that runs out, followed by what the joint file has."""
 KEPT, SET = (
     "the joint file has what predicts the motion best.",
     "the joint file has them, and beside them what predicts the motion best.",

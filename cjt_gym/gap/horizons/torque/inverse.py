@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, convolve1d
 
 from cjt_gym.gap.horizons.prediction.log import LEAST_SMOOTH, STUCK, Log, felt_torque
-from cjt_gym.gap.horizons.prediction.model import body_group
+from cjt_gym.gap.horizons.prediction.model import body_group, motor_inertia
 from cjt_gym.gap.horizons.torque.bristles import FEWEST as FEWEST_WAYS
 from cjt_gym.gap.horizons.torque.bristles import bent, paths, ways
 from cjt_gym.gap.horizons.torque.cross_validated import (
@@ -38,6 +38,9 @@ from cjt_gym.joint import Joint
 Floats = NDArray[np.float64]
 OVER = 0.1
 """Time over which torque and motion are smoothed [s]."""
+SLICES = 200
+"""Part of a log of a joint that runs out over which they are smoothed: it slows down so steadily
+that noise of the speed may hide it within `OVER`."""
 FEWEST = 50
 """Fewest samples of motion."""
 WIDTH = 8
@@ -79,7 +82,7 @@ ratio of its torque to that of its weight."""
 EDGES, PUSHED = (0.2, 0.4, 0.6, 0.8), 0.5
 """Quantiles of the angle at which a push may begin, and the share of the error that it must remove
 beside a weight: 0.67 of a hopper's leg on the ground, at most 0.07 of five joints with weights, and
-0.19 or, of one that mostly rests, 0.32 of joints with unknown friction or a walking robot's legs."""
+0.19, or 0.32 of one that mostly rests, of joints with unknown friction or a walking robot's."""
 SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
 """Effects of each start."""
 
@@ -166,7 +169,7 @@ def seen_in_torque(
     Where the record does not tell damping from Coulomb friction, either stands for both.
     """
     turns = joint.parameters.axis == "rotary"
-    out = {"gravity"} if not turns else set()
+    out = {"gravity"} if not turns or all(map(_runs_out, logs)) else set()
     out |= {"torque_offset"} if ONE_WAY.issubset(excluded) else set()
     names = [n for n in PLACES if n not in out]
     known = {n for name in joint.effects for n in (name, *HELD_IN.get(name, ()))}
@@ -368,6 +371,8 @@ def _moving(
         return np.zeros((0, WIDTH + squared)), np.zeros(0)
     parts = [_columns(joint, log, sprung, wave, path) for log in usable]
     columns, fine, square, torque = (np.concatenate(x) for x in zip(*parts, strict=True))
+    if not torque.any():  # a joint that coasts spends what its inertia gives
+        torque, columns[:, 0] = -motor_inertia(joint) * columns[:, 0], 0.0
     if not path:
         finer = columns.copy()
         finer[:, 2] = fine
@@ -392,7 +397,8 @@ def _columns(
         square of the speed with its sign, and the torque, shape (M,).
     """
     p = joint.parameters
-    count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
+    over = max(OVER, len(log) * log.dt / SLICES) if _runs_out(log) else OVER
+    count = min(max(LEAST_SMOOTH, round(over / log.dt)) | 1, (len(log) - 1) | 1)
     motor = torque = p.k_t * p.n * log.command
     if log.voltage:
         torque = (torque - (p.k_t * p.n) ** 2 * log.speed) / p.r
@@ -415,6 +421,11 @@ def _columns(
     beside = -known * motor, known * np.sign(v) * size
     columns = np.stack([a, v, dry, -np.ones_like(v), np.cos(q), np.sin(q), *beside], axis=1)
     return columns[use], fine[use], square[use], torque[use]
+
+
+def _runs_out(log: Log) -> bool:
+    """Return whether nothing drives a joint that moves in one direction, as a wheel that coasts."""
+    return not log.command.any() and not log.load.any() and not np.ptp(np.sign(log.speed))
 
 
 def _averaged(channels: Sequence[Floats], count: int) -> list[Floats]:
