@@ -127,7 +127,7 @@ def test_a_wheel_that_runs_out_shows_its_friction_beyond_the_noise_of_its_speed(
     t = 0.02 * np.arange(6000)
     slowing, dry = 0.02, 0.002 / ROTOR  # of the speed [1/s], and by dry friction [rad/s^2]
     speed = (60.0 + dry / slowing) * np.exp(-slowing * t) - dry / slowing
-    noisy = speed + 0.3 * np.random.default_rng(0).standard_normal(len(t))
+    noisy = speed + 0.1 * np.random.default_rng(0).standard_normal(len(t))
     columns = {"t": t, "tau_cmd": np.zeros(len(t)), "dq_m": noisy}
     wheel = Record(columns, {"t": "s", "tau_cmd": "N m", "dq_m": "rad/s"}, structure="rigid")
     case = make_case([wheel], [], datasheet(1.0, 0.02), get_structure("rigid"))

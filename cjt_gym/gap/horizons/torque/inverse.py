@@ -124,6 +124,9 @@ def spent(
 ) -> list[Spent]:
     """Return the effects on which torque is clearly spent, cross-validated over stretches.
 
+    The gain of a weight, which depends on the posture, and of the damping of a wheel that runs out
+    may be steady rather than large in every stretch.
+
     Args:
         joint: The nominal joint.
         logs: The records.
@@ -134,11 +137,16 @@ def spent(
     columns, torque = _moving(joint, logs, wave, path)
     if len(torque) < BLOCKS * SHORTEST:
         return []
-    asked, names = names, list(names)
+    asked, names, uneven = names, list(names), {"gravity"}
+    uneven |= {"damping"} if all(map(_runs_out, logs)) else set()
     while names:
         full, fits = _predicted(columns, torque, names)
-        weights = {n: _gain(n, full, _predicted(columns, torque, _less(names, n))[0])
-                   for n in names}  # fmt: skip
+        weights = {}
+        for name in names:
+            less, _ = _predicted(columns, torque, _less(names, name))
+            share, clear = gain(full, less)
+            steady = steady_gain(full, less) if name in uneven else clear
+            weights[name] = share, max(clear, steady)
         weak = [n for n, (share, clear) in weights.items() if share < SPENT or clear < CLEAR]
         if not weak:
             break
@@ -151,12 +159,6 @@ def spent(
         return alone
     beside = (_spent(joint, one.name, [*names, DRAG], fits, one.share) for one in alone)
     return [new for old, new in zip(alone, beside, strict=True) if new.size > HALF * old.size]
-
-
-def _gain(name: str, full: Floats, less: Floats) -> tuple[float, float]:
-    """Return `gain`; that of a weight may be steady instead, as it depends on the posture."""
-    share, clear = gain(full, less)
-    return share, max(clear, steady_gain(full, less)) if name == "gravity" else clear
 
 
 def seen_in_torque(
@@ -216,8 +218,8 @@ def feels_weight(joint: Joint, logs: Sequence[Log]) -> bool:
         return False
     beside = _less([*PLACES], "gravity")
     full, less = (_predicted(columns, torque, n)[0] for n in ([*PLACES], beside))
-    share, clear = _gain("gravity", full, less)
-    return share >= SPENT and clear >= CLEAR
+    share, clear = gain(full, less)
+    return share >= SPENT and max(clear, steady_gain(full, less)) >= CLEAR
 
 
 def leans(joint: Joint, logs: Sequence[Log]) -> bool:
