@@ -31,6 +31,7 @@ from cjt_gym.gap.judged.refine import settled
 from cjt_gym.gap.judged.replay import Written, steps, written
 from cjt_gym.gap.judged.together import together, with_scale_of_torques
 from cjt_gym.gap.next_record.suggest import cautious, suggest
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.missing import not_judged
 from cjt_gym.gap.recorded.series import ENOUGH, Stretch
@@ -188,7 +189,9 @@ def _report(
     spread = covariance(problem, found.fit)
     setting = problem.stages.setting
     named = name_effects(found, spread, settings if held_out else ())
-    common = common_deviation(setting.joint, cut=setting.cut_at_spring, but=told_symbols(named))
+    common = common_deviation(
+        setting.joint, cut=setting.cut is Cut.BY_TORQUE, but=told_symbols(named)
+    )
     named = tuple(with_scale_of_torques(effect, common) for effect in named)
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within.fields) for n in problem.stages.names}

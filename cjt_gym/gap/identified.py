@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from cjt_gym.gap.candidates.nuisances import FRICTION, WEIGHT
 from cjt_gym.gap.diagnosis import NamedEffect, told_symbols
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.spring_damping import NOT_STATED
@@ -64,7 +65,7 @@ def identified_joint(
     _share_smoothing(table, joint)
     if "lag" in refined and "current_lag" not in {effect.name for effect in named}:
         _refine_lag(table, *refined["lag"], source)
-    common = common_deviation(joint, cut=setting.cut_at_spring, but=told_symbols(named))
+    common = common_deviation(joint, cut=setting.cut is Cut.BY_TORQUE, but=told_symbols(named))
     if "coulomb" not in {effect.name for effect in named}:
         _refine_friction(table, refined, source)
     if "gravity" not in {effect.name for effect in named}:

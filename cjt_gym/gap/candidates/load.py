@@ -6,6 +6,7 @@ from cjt_gym.gap.candidates.candidate import Candidate, Scales
 from cjt_gym.gap.candidates.friction import damping_of, friction_of
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.candidates.released import released
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.setting import Setting
 
 
@@ -14,7 +15,7 @@ def load_rows(setting: Setting, size: Scales) -> list[Candidate]:
     if not setting.has_spring:
         return []
     rows = [released(setting, "I_l", "load_inertia", "load")]
-    if not (setting.cut_at_spring or setting.cut_by_angles):
+    if setting.cut is Cut.NOWHERE:
         return rows
     rows += friction_of(setting, size, "l", "load", ("load",))
     rows.append(damping_of(setting, size, "l"))

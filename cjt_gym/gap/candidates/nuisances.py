@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields, own_field
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.spring_damping import SYMBOL, critical, is_stated
@@ -242,7 +243,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         middle = start - 0.5 * dt if series.slow else start
         delay = Number("delay", "s", middle, HELD * dt, low=low, high=start + dt)
         rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
-    if setting.cut_at_spring:
+    if setting.cut is Cut.BY_TORQUE:
         scale = max(TORQUE_OFFSET * setting.std("tau"), USUAL_TORQUE)
         rows.append(
             _offset(

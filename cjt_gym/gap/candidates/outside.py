@@ -15,6 +15,7 @@ from scipy.signal import lfilter, savgol_filter
 from cjt_gym.gap.candidates.candidate import Apply, Candidate, Scales, Values, scales
 from cjt_gym.gap.candidates.disturbance import Disturbance, field_of
 from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
 from cjt_gym.gap.recorded.setting import Setting
@@ -92,10 +93,10 @@ def outside_rows(setting: Setting) -> Outside:
     if "q_m" in setting.series.derived:
         return found
     _encoder(found, "q_m", size)
-    if setting.cut_at_spring:
+    if setting.cut is Cut.BY_TORQUE:
         _torque_sensor(found)
         _bar(found)
-    sides = setting.cut_at_spring or setting.cut_by_angles
+    sides = setting.cut is not Cut.NOWHERE
     if sides and not setting.structure.output_fixed and "q_l" in setting.series:
         speed = max(float(np.std(setting.series.speed("q_l"))), 1e-9)
         _on_body(found, "l", max(setting.sprung_torque, 1e-9), speed)

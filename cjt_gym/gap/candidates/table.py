@@ -15,6 +15,7 @@ from cjt_gym.gap.candidates.load import load_rows
 from cjt_gym.gap.candidates.motor import motor_rows
 from cjt_gym.gap.candidates.sensing import sensing_rows
 from cjt_gym.gap.candidates.transmission import transmission_rows
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.listed import in_place_of
 from cjt_gym.gap.recorded.setting import Setting
@@ -50,7 +51,7 @@ def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate
     rows += friction_rows(setting, size)
     if setting.has_spring:
         rows += transmission_rows(setting, size)
-    if setting.cut_at_spring:
+    if setting.cut is Cut.BY_TORQUE:
         rows += sensing_rows(setting)
     if not setting.structure.output_fixed:
         rows += load_rows(setting, size)

@@ -7,6 +7,7 @@ from functools import partial
 from cjt_gym.gap.candidates.candidate import Candidate, Scales, Values
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.candidates.released import released
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 
@@ -30,7 +31,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Candidate]:
     torque = Number("h", "N m", 0.0, setting.nominal["k_b"] * x)
     width = Number("z_h", "rad", 0.3 * x, 1.5, True, low=1e-3 * x, high=100 * x, shape=True)
 
-    if setting.has_gear and setting.cut_at_spring:
+    if setting.has_gear and setting.cut is Cut.BY_TORQUE:
         rows += [_gear_play(play, centre, x, pulls) for pulls in (False, True)]
     return [
         *rows,

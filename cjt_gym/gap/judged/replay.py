@@ -22,6 +22,7 @@ from cjt_gym.gap.candidates.nuisances import FRICTION, WEIGHT
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.gap.identified import Refined, identified_joint
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series, slope
 from cjt_gym.gap.recorded.setting import Setting
@@ -212,7 +213,7 @@ def _start_and_load(setting: Setting, fields: Fields, zero: float) -> tuple[Floa
     start[:3] = q
     if setting.has_gear:
         start[1:3] = q = q - tau / fields["k_g"] - fields["centre_g"]
-    if setting.cut_by_angles:
+    if setting.cut is Cut.BY_ANGLES:
         start[2] = float(np.mean(series["q_l"][:5])) + zero + fields["q_0"]
     elif setting.has_spring:
         start[2] = q - tau / fields["k_b"]

@@ -11,6 +11,7 @@ import numpy as np
 from cjt_gym.gap.diagnosis import Interval, NamedEffect, told_symbols
 from cjt_gym.gap.identified import rounded
 from cjt_gym.gap.judged.replay import written
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.tolerances import common_deviation, is_torque
 from cjt_gym.gap.stages.fit import Fit, Problem
 from cjt_gym.gap.stages.intervals import NORMAL, Covariance
@@ -73,7 +74,9 @@ def together(
         slopes[:, k] = (numbers(fit.z + ahead) - numbers(fit.z - ahead)) / (2.0 * STEP)
     values = np.array([_numbers(joint)[name] for name in units])
     scaled = values * np.array([float(is_torque(unit)) for unit in units.values()])
-    common = common_deviation(setting.joint, cut=setting.cut_at_spring, but=told_symbols(named))
+    common = common_deviation(
+        setting.joint, cut=setting.cut is Cut.BY_TORQUE, but=told_symbols(named)
+    )
     matrix = slopes @ spread.matrix @ slopes.T + common**2 * np.outer(scaled, scaled)
     kept = np.flatnonzero(np.isfinite(slopes).all(axis=1) & (np.diag(matrix) > 0.0))
     table = {

@@ -6,6 +6,7 @@
 `fields`      the numbers of a joint and its effects, at their nominal values
 `tolerances`  how sure the datasheet is of them
 `setting`     a record together with its nominal joint and its noise
+`cut`         what cuts a joint at its spring: a torque, or both angles
 `signals`     torque and current between the samples
 `orient`      signs and units of the channels, where physics determines them
 `slope`       whether a measured velocity is that of its angle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.setting import Setting
 
 
@@ -15,7 +16,7 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
             "the spring is taken as the joint file has it: neither the "
             "spring nor the scale of the torque sensor is judged."
         )
-    if setting.cut_by_angles:
+    if setting.cut is Cut.BY_ANGLES:
         said.append(
             "Without the joint torque, the spring's is that of its deflection: its stiffness, the "
             "inertias and the torque constant are known in proportion only, and the torque sensor "
@@ -26,7 +27,7 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
             "Without the joint torque, motor, spring and load are judged as one, and the torque "
             "sensor not at all."
         )
-    if setting.cut_at_spring and "q_l" not in there and not setting.structure.output_fixed:
+    if setting.cut is Cut.BY_TORQUE and "q_l" not in there and not setting.structure.output_fixed:
         said.append("Without the load angle neither the spring nor the load is judged.")
     if setting.still_load:
         said.append(
@@ -70,7 +71,7 @@ def twins(setting: Setting) -> tuple[tuple[str, str], ...]:
     """
     offset, gain = TWINS
     found = []
-    if setting.structure.output_fixed and setting.cut_at_spring:
+    if setting.structure.output_fixed and setting.cut is Cut.BY_TORQUE:
         found.append(offset)
     if "q_m" in setting.series.derived:
         found.append(gain)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.recorded.cut import Cut, cut_of
 from cjt_gym.gap.recorded.fields import Fields, nominal_fields
 from cjt_gym.gap.recorded.listed import Place, with_listed
 from cjt_gym.gap.recorded.noise import ChannelNoise, channel_noise
@@ -72,29 +74,20 @@ class Setting:
         """Whether the gearbox is compliant."""
         return self.structure.has_gear
 
-    @property
-    def cut_at_spring(self) -> bool:
-        """Whether the measured torque separates the motor side from the load."""
-        return self.has_spring and "tau" in self.series
-
-    @property
-    def cut_by_angles(self) -> bool:
-        """Whether the angles at both ends of the spring separate them instead.
-
-        The spring's torque is then that of its deflection, in a model that knows its stiffness.
-        """
-        sides = {"q_m", "q_l"} <= self.series.columns.keys() - self.series.derived
-        free = self.has_spring and not self.structure.output_fixed and not self.still_load
-        return free and sides and not self.cut_at_spring
+    @cached_property
+    def cut(self) -> Cut:
+        """What cuts the joint at its spring."""
+        measured = self.series.columns.keys() - self.series.derived
+        return cut_of(self.structure, measured, still_load=self.still_load)
 
     def stages_of(self, *cut: str) -> tuple[str, ...]:
         """Return the stages in which something shows that would show in these of a cut joint.
 
         Where no torque was measured, a spring is part of the stages at its ends.
         """
-        if self.cut_at_spring:
+        if self.cut is Cut.BY_TORQUE:
             return cut
-        ends = ("motor", "load") if self.cut_by_angles else ("motor",)
+        ends = ("motor", "load") if self.cut is Cut.BY_ANGLES else ("motor",)
         own = {"transmission": ends, "load": ends[-1:]}
         return tuple(dict.fromkeys(s for name in cut for s in own.get(name, (name,))))
 
@@ -103,7 +96,7 @@ class Setting:
         """Spread of the torque in the spring, measured or that of its deflection [N m]."""
         if "tau" in self.series:
             return float(np.std(self.series["tau"]))
-        return self.nominal["k_b"] * float(np.std(self.twist)) if self.cut_by_angles else 0.0
+        return self.nominal["k_b"] * float(np.std(self.twist)) if self.cut is Cut.BY_ANGLES else 0.0
 
     @property
     def current_unspecified(self) -> bool:
@@ -119,8 +112,7 @@ class Setting:
     def too_slow(self) -> bool:
         """Whether the motor swings on its spring too fast for the log to follow its torque."""
         stiffness, inertia = self.nominal["k_b"], self.nominal["I_m"]
-        cut = self.cut_at_spring or self.cut_by_angles
-        if not cut or not self.series.slow or inertia <= 0.0:
+        if self.cut is Cut.NOWHERE or not self.series.slow or inertia <= 0.0:
             return False
         return float(np.sqrt(stiffness / inertia)) / (2.0 * np.pi) * self.series.dt > FOLLOWED
 
@@ -140,9 +132,9 @@ class Setting:
     @property
     def relaxed(self) -> float:
         """Difference at which the spring is relaxed [rad]: encoders have arbitrary zeros."""
-        if self.cut_by_angles:
+        if self.cut is Cut.BY_ANGLES:
             return float(np.median(self.twist))
-        if not self.cut_at_spring:
+        if self.cut is not Cut.BY_TORQUE:
             return 0.0
         f = self.nominal
         stiffness = f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"]) if self.has_gear else f["k_b"]
@@ -182,7 +174,7 @@ def make_setting(
         std = noise["tau"].std * compliance(joint, structure)
         noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
     bare = Setting(series, structure, joint, nominal_fields(joint, structure), noise)
-    in_gear = bare.has_gear and bare.cut_at_spring
+    in_gear = bare.has_gear and bare.cut is Cut.BY_TORQUE
     at = Place(series.zero.get("q_m", 0.0), bare.relaxed, in_gear, "tau" in series)
     nominal, listed = with_listed(joint, structure, bare.nominal, at)
     still_load = still and bare.has_spring and not structure.output_fixed

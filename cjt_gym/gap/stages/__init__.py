@@ -3,6 +3,7 @@
 ================================  ============================================================
 `cut`                             the four stages and their residuals
 `chain`, `kernel`, `predictor`    the predictor: linear chain, steady-state gain, friction
+`stage_chains`, `gains`           chain and gain of each stage
 `spring`, `force`                 torque of the torsion bar, torque of a motion
 `process`, `sensing`              unspecified noise; channels that are worse than specified
 `fit`, `quick`, `merit`           least squares, a quick look at one more effect, its price

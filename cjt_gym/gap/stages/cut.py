@@ -22,13 +22,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve, savgol_filter
+from scipy.signal import savgol_filter
 
 from cjt_gym.gap.candidates.disturbance import corrected, disturbing
 from cjt_gym.gap.candidates.outside import Outside, outside_rows
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import CHAIN, Fields, of_record
 from cjt_gym.gap.recorded.series import Series
-from cjt_gym.gap.recorded.setting import PROCESS_TORQUE, Setting
+from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.signals import (
     MEAN,
     ahead,
@@ -44,7 +45,8 @@ from cjt_gym.gap.recorded.signals import (
     weight,
     within,
 )
-from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
+from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain
+from cjt_gym.gap.stages.gains import gain_of
 from cjt_gym.gap.stages.kernel import Measured
 from cjt_gym.gap.stages.predictor import (
     Gain,
@@ -52,12 +54,10 @@ from cjt_gym.gap.stages.predictor import (
     Prediction,
     backlash,
     direct,
-    innovation_std,
     run_predictor,
-    start_shapes,
-    torque_response,
 )
 from cjt_gym.gap.stages.spring import spring_torque
+from cjt_gym.gap.stages.stage_chains import stage_chain
 
 Floats = NDArray[np.float64]
 Added = Mapping[str, Floats]
@@ -105,12 +105,12 @@ class Stages:
         there = {
             "drive": "i" in s.series and "i_cmd" in s.series,
             "motor": True,
-            "transmission": s.cut_at_spring
+            "transmission": s.cut is Cut.BY_TORQUE
             and ("q_l" in s.series or s.structure.output_fixed)
             and "q_m" not in s.series.derived,
-            "load": s.cut_by_angles
+            "load": s.cut is Cut.BY_ANGLES
             or (
-                s.cut_at_spring
+                s.cut is Cut.BY_TORQUE
                 and not s.structure.output_fixed
                 and "q_l" in s.series
                 and not s.still_load
@@ -130,7 +130,8 @@ class Stages:
             self.__dict__.pop(cached, None)
         for name in self.names:
             if name in ("motor", "load"):
-                self.gains[name] = self._gain(name, fields)
+                chain = self.chain(name, fields)
+                self.gains[name] = gain_of(self.setting, self.springs, name, fields, chain)
         for number, other in enumerate(self.others, 1):
             other.tune(of_record(fields, number))
 
@@ -194,7 +195,7 @@ class Stages:
         forced += torque_rise(fields, series)[:, None] * chain.ramp[:, MOTOR]
         if chain.groups[LOAD] >= 0 and (outside := self._on_load(fields)) is not None:
             forced += passed_on(chain, LOAD, outside)
-        if s.cut_at_spring:
+        if s.cut is Cut.BY_TORQUE:
             forced -= passed_on(chain, GEAR, transmitted)
         elif s.has_spring and chain.groups[LOAD] < 0:
             forced += self._hung(chain, load_angle(series) + fields["q_0"], GEAR, fields["k_b"])
@@ -204,7 +205,7 @@ class Stages:
         if chain.groups[LOAD] >= 0:
             bodies = (*bodies, ("l", LOAD))
         play = None
-        if fields["play_g"] > 0.0 and s.has_gear and s.cut_at_spring:
+        if fields["play_g"] > 0.0 and s.has_gear and s.cut is Cut.BY_TORQUE:
             loose = self.chain("motor loose", fields)
             adrift = torque[:, None] * loose.torque[:, MOTOR] - passed_on(loose, GEAR, transmitted)
             bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
@@ -216,7 +217,7 @@ class Stages:
         """Return the torque through the joint [N m], zeros if it is not seen; shape (N,)."""
         if "tau" in series:
             return joint_torque(fields, series)
-        if not self.setting.cut_by_angles:
+        if self.setting.cut is not Cut.BY_ANGLES:
             return np.zeros(len(series))
         return self._by_angles(fields, series, self._bent(fields, series))
 
@@ -364,7 +365,7 @@ class Stages:
     def _load(self, fields: Fields, series: Series, added: Added) -> Prediction:
         s, chain = self.setting, self.chain("load", fields)
         bodies: tuple[tuple[str, int], ...] = (("l", LOAD),)
-        if s.cut_by_angles:
+        if s.cut is Cut.BY_ANGLES:
             bent = self._bent(fields, series)
             transmitted = self._by_angles(fields, series, bent)
             torque = np.zeros(len(series)) if bent is None else bent
@@ -377,7 +378,7 @@ class Stages:
             torque = torque + series["tau_l"]
         torque = torque + added.get("push_l", 0.0)
         forced = passed_on(chain, LOAD, torque)
-        if s.cut_by_angles:
+        if s.cut is Cut.BY_ANGLES:
             body, stiffness = (GEAR, fields["k_g"]) if s.has_gear else (LOAD, fields["k_b"])
             forced += self._hung(chain, series["q_m"] - fields["q_0"], body, stiffness)
             if s.has_gear and bent is not None:
@@ -406,83 +407,8 @@ class Stages:
         if key not in self._chains:
             if len(self._chains) > 64:
                 self._chains.clear()
-            self._chains[key] = self._build(name, fields)
+            self._chains[key] = stage_chain(self.setting, name, fields)
         return self._chains[key]
-
-    def _build(self, name: str, fields: Fields) -> Chain:
-        s = self.setting
-        inertia = [fields[f] for f in ("I_m", "I_g", "I_l")]
-        damping = [fields[f] for f in ("d_m", "d_g", "d_l")]
-        gear = Link(MOTOR, GEAR, fields["k_g"], fields["d_mg"])
-        dt = s.series.dt
-        if name == "load" and s.cut_by_angles:
-            if not s.has_gear:
-                bar = Link(LOAD, None, fields["k_b"], fields["d_gl"])
-                return build_chain((-1, -1, 0), inertia, damping, (bar,), dt)
-            bar = Link(GEAR, LOAD, fields["k_b"], fields["d_gl"])
-            entry = Link(GEAR, None, fields["k_g"], fields["d_mg"])
-            return build_chain((-1, 1, 0), inertia, damping, (entry, bar), dt)
-        if name == "load":
-            return build_chain((-1, -1, 0), inertia, damping, (), dt)
-        if name == "transmission loose":
-            return build_chain((-1, 0, -1), inertia, damping, (), dt)
-        if name == "motor loose":
-            return build_chain((0, 1, -1), inertia, damping, (), dt)
-        if name == "transmission":
-            entry = Link(GEAR, None, fields["k_g"], fields["d_mg"])
-            return build_chain((-1, 0, -1), inertia, damping, (entry,), dt)
-        gear_group = 1 if s.has_gear else 0
-        links = (gear,) if s.has_gear else ()
-        if s.cut_at_spring:
-            return build_chain((0, gear_group, -1), inertia, damping, links, dt)
-        if not s.has_spring:
-            return build_chain((0, gear_group, gear_group), inertia, damping, links, dt)
-        if s.structure.output_fixed or "q_l" in s.series:
-            bar = Link(GEAR, None, fields["k_b"], fields["d_gl"])
-            return build_chain((0, gear_group, -1), inertia, damping, (*links, bar), dt)
-        bar = Link(GEAR, LOAD, fields["k_b"], fields["d_gl"])
-        return build_chain((0, gear_group, gear_group + 1), inertia, damping, (*links, bar), dt)
-
-    def _gain(self, name: str, fields: Fields) -> Gain:
-        s = self.setting
-        chain = self.chain(name, fields)
-        current = s.std("i") if "i" in s.series else 0.0
-        own = abs(fields["n"] * fields["k_t"]) * current
-        tau = s.std("tau") / abs(fields["gain"]) if s.cut_at_spring else 0.0
-        extra = max(PROCESS_TORQUE * float(np.hypot(own, tau)), s.process)
-        torque = (np.hypot(own, extra), tau, tau) if name == "motor" else (0.0, 0.0, tau)
-        if s.cut_by_angles:
-            felt = self._felt_noise(name)
-            torque = (np.hypot(own, extra), felt, felt) if name == "motor" else (0.0, felt, felt)
-        channel = "q_m" if name == "motor" else "q_l"
-        jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
-        noise = float(np.hypot(s.std(channel), jitter))
-        k = kalman_gain(chain, (0,), torque, (noise,)).ravel()
-        std = innovation_std(chain, k, torque, s.std(channel))
-        shaken = s.noise[channel].jitter * s.series.speed(channel)
-        # Wrong samples feed back through the gain: their effect on later ones counts as well.
-        returned = innovation_std(chain, k, (0.0, 0.0, 0.0), 1.0) ** 2
-        variance = std**2 + returned * shaken**2
-        if name == "motor" and "i" in s.series:
-            response = torque_response(chain, k, MOTOR)
-            early = fields["n"] * fields["k_t"] * s.unseen("i")
-            variance += fftconvolve(early**2, response**2)[: len(early)]
-        if s.cut_at_spring:
-            late = s.noise["tau"].jitter * s.series.speed("tau")
-            response = torque_response(chain, k, GEAR if name == "motor" else LOAD)
-            variance += fftconvolve(late**2, response**2)[: len(late)]
-        if name == "motor":
-            variance *= s.allowance**2
-        scatter = np.sqrt(np.maximum(variance, 1e-300))
-        return Gain(k, std, scatter, start_shapes(chain, k, scatter, s.series.valid[channel]))
-
-    def _felt_noise(self, name: str) -> float:
-        """Return the torque that noise of the angle at a spring's far end makes [N m]."""
-        s, f = self.setting, self.springs
-        far = "q_l" if name == "motor" else "q_m"
-        gear = name == "load" and s.has_gear
-        stiffness, damping = (f["k_g"], f["d_mg"]) if gear else (f["k_b"], f["d_gl"])
-        return s.std(far) * float(np.hypot(stiffness, damping / (np.sqrt(2.0) * s.series.dt)))
 
     def _innovations(self, name: str, series: Series, fields: Fields, piece: Piece) -> Prediction:
         channel = "q_m" if name == "motor" else "q_l"

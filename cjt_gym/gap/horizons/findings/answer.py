@@ -112,9 +112,9 @@ def _told(
     said = (_ahead(found), _contradicted(found), strained, told.unexplained.text)
     text = " ".join(filter(None, said))
     told = replace(told, unexplained=replace(told.unexplained, text=text))
-    if found.answer == "datasheet" and found.cut and _near(found):
+    if found.answer == "datasheet" and found.cut_by_torque and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
-    if not told.effects and not found.cut and main_row(found).found > LOUD:
+    if not told.effects and not found.cut_by_torque and main_row(found).found > LOUD:
         dry = tuple(e for e in first.effects if e.name in DRY)
         return _suspected(told, first, dry, FURTHER)
     return told

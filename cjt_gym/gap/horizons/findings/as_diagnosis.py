@@ -128,7 +128,7 @@ def retold(
     gone = gone and first.unexplained.stage != "drive"  # of which predictions of motion tell little
     beaten = first.verdict == "partly_explained" and judged.answer in ("datasheet", "least squares")
     missed = (first.verdict == "unexplained" or beaten) and not (told or gone)
-    outside = staged and judged.cut and missed
+    outside = staged and judged.cut_by_torque and missed
     if outside:
         said = "its cause may not be in the table"
         effects = tuple(e.doubted(said) for e in effects if e.confidence >= SHADOW)

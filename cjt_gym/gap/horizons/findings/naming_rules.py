@@ -69,7 +69,7 @@ def is_named(
     found = judged.found
     values = found.fit.model.values(found.fit.z)[index]
     own = found.worths[index]
-    told = (own.enough and own.seen) or is_needed(found.fit, index)
+    told = (own.enough and own.seen) or own.repeated or is_needed(found.fit, index)
     told = told or (own.enough and term.restated and _is_felt(judged, term, values))
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False

@@ -62,7 +62,7 @@ def standing(first: Diagnosis, found: Judgement) -> Diagnosis:
     first = replace(first, joint=replace(first.joint, found=known))
     told = _held(_doubted(_cleared(first, found), found), found)
     file = found.case.joint.file
-    common = common_deviation(file, cut=found.cut, but=told_symbols(told.effects))
+    common = common_deviation(file, cut=found.cut_by_torque, but=told_symbols(told.effects))
     told = widened(told, Wider(found.misfit, common), _aside(told, found))
     told = with_drag(with_late_drive(told, found), found)
     told = _with_stated_value(told, found)
@@ -121,7 +121,9 @@ def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
 
     Without a measured torque, a motor's one-step predictor does not know the torque of its spring.
     """
-    open_ = found.cut or found.unexplained or any(row.left is None for row in found.rows[-1:])
+    open_ = (
+        found.cut_by_torque or found.unexplained or any(row.left is None for row in found.rows[-1:])
+    )
     if first.verdict != "unexplained" or first.effects or open_:
         return first
     return replace(first.without_gap(), unexplained=Unexplained(0.0, None, NOTHING_LEFT, 0.0))
@@ -150,7 +152,7 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     )
     main = main_row(found)
     left = gap.after if far_off else min(main.found, gap.after)
-    predictable = [row for row in found.rows if _is_predictable(row) and not found.cut]
+    predictable = [row for row in found.rows if _is_predictable(row) and not found.cut_by_torque]
     sound = better and not (worse or far_off or adrift) and left < LOUD
     aside = _aside(first, found)
     unmoved = all(e.name in aside for e in first.effects) and main.found < NEAR

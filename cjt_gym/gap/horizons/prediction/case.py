@@ -14,6 +14,7 @@ from cjt_gym.gap.horizons.prediction.log import SMOOTH, Log, to_logs
 from cjt_gym.gap.horizons.prediction.model import quiet
 from cjt_gym.gap.horizons.prediction.pieces import cut, split
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, MOST, Windows, make_windows, rescaled
+from cjt_gym.gap.recorded.cut import Cut, cut_of
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.files.quantity import Quantity
@@ -62,17 +63,12 @@ class Case:
     apart: bool = False
 
     @property
-    def cut(self) -> bool:
-        """Whether a measured torque cuts the joint into stages, which makes them sharper."""
-        sprung = self.joint.structure_row.has_spring
-        return sprung and any("tau" in log.measured for log in self.logs)
-
-    @property
-    def cut_by_angles(self) -> bool:
-        """Whether the angles at both ends of its spring do, which is nearly as good."""
-        free = self.joint.structure_row.has_spring and not self.joint.structure_row.output_fixed
-        ends = all({"q_m", "q_l"} <= log.measured.keys() for log in self.logs)
-        return free and ends and not self.cut
+    def cut(self) -> Cut:
+        """What cuts the joint into stages, which makes them sharper, by a torque most of all."""
+        cuts = {cut_of(self.joint.structure_row, log.measured) for log in self.logs}
+        if Cut.BY_TORQUE in cuts:
+            return Cut.BY_TORQUE
+        return Cut.NOWHERE if Cut.NOWHERE in cuts else Cut.BY_ANGLES
 
 
 def make_case(

@@ -14,6 +14,7 @@ from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, relative, worse
 from cjt_gym.gap.horizons.selection.judgement import LOUD
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effects import PACKAGED
 
@@ -50,13 +51,13 @@ def best_of(case: Case, test: Problem, joints: dict[str, Joint], enough: float) 
     sound = [n for n in joints if is_no_worse(case, joints, n)]
     if (
         "stages" in joints
-        and not case.cut
+        and case.cut is not Cut.BY_TORQUE
         and (_deaf(case, errors["stages"]) or _hardly_listens(case, joints["stages"]))
     ):
         joints = {n: joint for n, joint in joints.items() if n != "stages"}
         sound = [n for n in sound if n != "stages"]
     vague = has_vague_friction(case.joint)
-    staged = "stages" in joints and case.cut and are_sound(case, joints)
+    staged = "stages" in joints and case.cut is Cut.BY_TORQUE and are_sound(case, joints)
     for name in (n for n in (("found", "base", "stages") if vague else ORDER) if n in joints):
         others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and staged

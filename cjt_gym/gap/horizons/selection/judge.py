@@ -39,6 +39,7 @@ from cjt_gym.gap.horizons.selection.worth import LOUDLY, Worth, worth
 from cjt_gym.gap.horizons.torque.baseline import least_squares
 from cjt_gym.gap.horizons.torque.inverse import ONE_WAY, is_inertia_alone_off, seen_in_torque
 from cjt_gym.gap.horizons.torque.over_angle import over_angle, wave_of
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.tolerances import OUTSIDE
 from cjt_gym.joint import Joint
 
@@ -90,7 +91,11 @@ def judge(
     own = own_terms(case.joint, scales_of(case.joint, case.logs))
     if stages is not None and is_delicate(case.fit, stages):
         stages, suspects = None, ()
-    if CONSTANT in suspects and not case.cut and is_inertia_alone_off(case.joint, case.logs):
+    if (
+        CONSTANT in suspects
+        and case.cut is not Cut.BY_TORQUE
+        and is_inertia_alone_off(case.joint, case.logs)
+    ):
         stages, suspects = None, [name for name in suspects if name != CONSTANT]
     joints = {"datasheet": case.joint}
     ls = least_squares(case.joint, case.logs)
@@ -170,11 +175,11 @@ def _suffices(
         doubtful = doubtful or any(error > SLIGHT and one.share > HALF for error, one in ahead)
     unseen = not case.joint.structure_row.output_fixed and "q_l" not in case.logs[0].measured
     doubtful = doubtful or (unseen and worst > NEAR)  # the load, which no stage judges then
-    if case.cut and not (own or doubtful or fails(case, enough, errors)):
+    if case.cut is Cut.BY_TORQUE and not (own or doubtful or fails(case, enough, errors)):
         return are_sound(case, joints)
     short = any(error > SMALL and one.share > HALF for error, one in ahead)
     whole = errors.get((MOTION, WHOLE), 0.0)  # of a held output, which does not drift
-    unsure = doubtful if case.cut_by_angles else open_ or short
+    unsure = doubtful if case.cut is Cut.BY_ANGLES else open_ or short
     settled = explained and not (own or unsure) and worst < NEAR and whole < TRIVIAL
     settled = settled and not has_vague_friction(case.joint)
     settled = settled and not _misses_wave(case, joints["stages"])
@@ -195,7 +200,7 @@ def _proposed(
     It cannot find the frequency of a wave over the angle, which a regression or the stages tell.
     """
     scales = scales_of(case.joint, case.logs)
-    alone = not case.cut and is_inertia_alone_off(case.joint, case.logs)
+    alone = case.cut is not Cut.BY_TORQUE and is_inertia_alone_off(case.joint, case.logs)
     base = Model(case.joint, base_terms(case.joint, scales, inertia_alone_off=alone))
     refined = {name for name in excluded if name in (*REFINED, "thermal_derating")}
     seen = seen_in_torque(case.joint, case.logs, {"cogging", *ONE_WAY} & set(excluded))
@@ -209,7 +214,7 @@ def _proposed(
         may.append(gravity(case.joint, scales))
     loose = freed(base.terms)
     weighed = any(t.name == "gravity" and t.restated for t in may)
-    if alone or (weighed and not case.cut):
+    if alone or (weighed and case.cut is not Cut.BY_TORQUE):
         loose = [t for t in loose if t.name != CONSTANT]  # all but one value would scale with it
     return base, likelier([*may, *own, *loose], seen)
 

@@ -16,6 +16,7 @@ from cjt_gym.gap.horizons.prediction.predictable import Predictable
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL
 from cjt_gym.gap.horizons.selection.search_result import Found
 from cjt_gym.gap.horizons.selection.worth import Worth
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -103,9 +104,9 @@ class Judgement:
         return max([1.0, *ratios])
 
     @property
-    def cut(self) -> bool:
+    def cut_by_torque(self) -> bool:
         """Whether a measured torque cuts the joint into stages."""
-        return self.case.cut
+        return self.case.cut is Cut.BY_TORQUE
 
     @property
     def unexplained(self) -> tuple[Row, ...]:
