@@ -124,8 +124,8 @@ def spent(
 ) -> list[Spent]:
     """Return the effects on which torque is clearly spent, cross-validated over stretches.
 
-    The gain of a weight, which depends on the posture, and of the damping of a wheel that runs out
-    may be steady rather than large in every stretch.
+    A gain may be steady rather than alike in all stretches: that of a weight depends on the
+    posture, and that of damping on how fast the motion is.
 
     Args:
         joint: The nominal joint.
@@ -137,16 +137,14 @@ def spent(
     columns, torque = _moving(joint, logs, wave, path)
     if len(torque) < BLOCKS * SHORTEST:
         return []
-    asked, names, uneven = names, list(names), {"gravity"}
-    uneven |= {"damping"} if all(map(_runs_out, logs)) else set()
+    asked, names = names, list(names)
     while names:
         full, fits = _predicted(columns, torque, names)
         weights = {}
         for name in names:
             less, _ = _predicted(columns, torque, _less(names, name))
             share, clear = gain(full, less)
-            steady = steady_gain(full, less) if name in uneven else clear
-            weights[name] = share, max(clear, steady)
+            weights[name] = share, max(clear, steady_gain(full, less))
         weak = [n for n, (share, clear) in weights.items() if share < SPENT or clear < CLEAR]
         if not weak:
             break
@@ -178,7 +176,8 @@ def seen_in_torque(
     excluded = {*excluded, *known}
     wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
     alike = DRAGS if DRAGS.issubset(excluded) else frozenset()
-    plain = alike or {"presliding"} & {*excluded, *joint.effects}
+    driven = any(log.command.any() or log.load.any() for log in logs)
+    plain = alike or not driven or {"presliding"} & {*excluded, *joint.effects}
     path = 0.0 if plain else _path(joint, logs, wave)
     told = alike | {n for n in names if n not in excluded}
     told -= {DRAG} if logs[0].voltage else set()  # the tolerance of r is one of damping
