@@ -3,6 +3,10 @@
 FOLDER holds records (NPZ, with their TOML) and joint files; FILE.py defines `CASES`, a mapping of
 names to (records to fit, records to validate on, what is known of the cause). Prints for each case
 the table of horizons beside datasheet and least squares, the named effects, and what is known.
+
+FILE.py may also define `KNOWN`, a mapping of names to {"must": [[effect, ...], ...], "must_not":
+[effect, ...]}: of each group under "must", which are alternatives, one has to be named. How many
+are is then counted, over groups and over cases of which at least one is.
 """
 
 from __future__ import annotations
@@ -11,8 +15,10 @@ import argparse
 import runpy
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +28,44 @@ from cjt_gym.records import read_record
 
 COUNTED = (0.1, 0.5)
 """Horizons over which the geometric means are taken [s]."""
+
+
+@dataclass
+class Causes:
+    """Counts of the known causes that were named.
+
+    Attributes:
+        groups: Of each group of alternatives, whether one was named.
+        cases: Of each case with a known cause, whether one of its causes was.
+        confirmed: Number of confirmed names.
+        wrong: Names that must not be there: case, name and status.
+    """
+
+    groups: list[bool] = field(default_factory=list)
+    cases: list[bool] = field(default_factory=list)
+    confirmed: int = 0
+    wrong: list[str] = field(default_factory=list)
+
+    def count(self, name: str, found: Diagnosis, known: Mapping[str, Sequence[Any]]) -> str:
+        """Count a case, and return which of its causes were missed, as text."""
+        named = {e.name: e.status for e in found.effects}
+        hits = [not named.keys().isdisjoint(group) for group in known.get("must", ())]
+        self.groups += hits
+        self.cases += [any(hits)] if hits else []
+        self.confirmed += sum(status == "confirmed" for status in named.values())
+        wrong = [f"{name}: {n} ({named[n]})" for n in known.get("must_not", ()) if n in named]
+        self.wrong += wrong
+        pairs = zip(known.get("must", ()), hits, strict=True)
+        missed = [" or ".join(group) for group, hit in pairs if not hit]
+        return f"  missed: {', '.join(missed) or 'none'}"
+
+    def __str__(self) -> str:
+        counts = (f"{sum(x)} of {len(x)}" for x in (self.groups, self.cases))
+        named, cases = counts
+        return (
+            f"causes named: {named}; cases with one of theirs: {cases}; confirmed names: "
+            f"{self.confirmed}; named wrongly: {', '.join(self.wrong) or 'none'}"
+        )
 
 
 def one(folder: Path, fit: Sequence[str], validate: Sequence[str]) -> Diagnosis:
@@ -51,7 +95,8 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--cases", type=Path, required=True, metavar="FILE.py")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
     options = parser.parse_args(words)
-    cases = runpy.run_path(str(options.cases))["CASES"]
+    given = runpy.run_path(str(options.cases))
+    cases, causes = given["CASES"], Causes()
     counted: dict[str, list[float]] = {"datasheet": [], "least_squares": [], "found": []}
     print("relative error on held-out data: datasheet, least squares, found, floor")
     for name, (fit, validate, known) in cases.items():
@@ -64,12 +109,16 @@ def main(words: Sequence[str] | None = None) -> None:
             print(f"{name}: {error}")
             continue
         print(told(name, found, known, time.perf_counter() - started), flush=True)
+        if name in given.get("KNOWN", {}):
+            print(causes.count(name, found, given["KNOWN"][name]), flush=True)
         for row in found.horizons:
             if row.seconds in COUNTED and row.least_squares is not None:
                 for column, values in counted.items():
                     values.append(getattr(row, column))
     means = {k: float(np.exp(np.mean(np.log(v)))) for k, v in counted.items() if v}
     print("geometric means at 0.1 and 0.5 s:", {k: round(v, 3) for k, v in means.items()})
+    if causes.groups:
+        print(causes)
 
 
 if __name__ == "__main__":
