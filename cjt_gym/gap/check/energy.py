@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
 from cjt_gym.gap.check.pieces import Columns
@@ -23,10 +24,10 @@ SHORTEST = 2.0
 """Shortest stretch between two gaps in which returns count [s]."""
 SPREAD = 4
 """Decades of inertia, on either side of the usual one, that are tried."""
-HARDLY = 0.2
-"""Least change of a joint's energy from one return to the next, relative to all of it, against
-which a gain counts: what a pendulum of little friction loses in a swing is smaller than the noise
-of its speed."""
+GROWS, AT_ONCE = 0.5, 3
+"""Least gain of a joint whose motor gives nothing, relative to its largest energy, and the returns
+over which that is the median: what a pendulum of little friction loses in a swing is smaller than
+the noise of its speed, which made 0.2 of it in rows of uncertain instants."""
 NOT_THE_INPUT = "it is not the input that moves the joint"
 FOREIGN = 0.1
 """Least gain that is told, relative to all energy that the motor gives and takes. Sixty records of
@@ -41,10 +42,10 @@ def foreign(view: View) -> list[str]:
     Between two instants at one angle a joint gains at most what its motor gives: friction only
     takes, and a weight or spring gives back. That holds for some inertia, which is left open.
     """
-    share = _share(view)
-    if share < FOREIGN:
+    share, still = _share(view), _is_constant(view)
+    if share < (GROWS if still else FOREIGN):
         return []
-    if _is_constant(view):
+    if still:
         value = float(view.driving(view.stretches[0])[0])
         never = "never changes" if value else "is 0 throughout"
         return [
@@ -79,7 +80,7 @@ def _share(view: View, sign: float = 1.0) -> float:
     """Return the energy that something else gives, relative to what the motor exchanges.
 
     Of a motor with constant torque, which gives nothing between returns to an angle, it is relative
-    to what the joint gains and loses. The back-EMF of a drive by voltage only takes, as friction
+    to the most that the joint has. The back-EMF of a drive by voltage only takes, as friction
     does.
     """
     known = "tau_l" in view or view.structure.has_spring or view.drive is None
@@ -91,13 +92,12 @@ def _share(view: View, sign: float = 1.0) -> float:
     levels = np.quantile(np.concatenate([q for q, *_ in walks]), LEVELS)
     found = []
     for level in levels:
-        given, moved, kept, exchanged = [], [], 0.0, 0.0
+        given, moved, kept, exchanged = [], [], [], 0.0
         for q, work, speed, gross in walks:
             at = np.flatnonzero(np.diff(np.sign(q - level)) != 0.0)
-            power = 0.5 * _at_level(speed, q, level, at) ** 2
+            kept.append(0.5 * _at_level(speed, q, level, at) ** 2)
             given.append(np.diff(sign * _at_level(work, q, level, at)))
-            moved.append(np.diff(power))
-            kept += float(power.sum())
+            moved.append(np.diff(kept[-1]))
             exchanged += float(gross[at[-1]] - gross[at[0]]) if len(at) else 0.0
         if sum(map(len, given)) < FEWEST:
             continue
@@ -105,9 +105,15 @@ def _share(view: View, sign: float = 1.0) -> float:
         if exchanged > 0.0 and not _is_constant(view):
             found.append(_gain(work, change) / exchanged)
         elif np.any(change):
-            all_of_it = max(np.abs(change).sum(), HARDLY * kept)
-            found.append(float(np.maximum(change, 0.0).sum() / all_of_it))
+            most = max(float(energy.max(initial=0.0)) for energy in kept)
+            found.append(max(_rise(energy) for energy in kept) / most)
     return float(np.median(found)) if len(found) > len(LEVELS) / 2 else 0.0
+
+
+def _rise(energy: Floats) -> float:
+    """Return by how much an energy grows over any number of returns, but for noise."""
+    usual = median_filter(energy, AT_ONCE, mode="nearest")
+    return float(np.max(usual - np.minimum.accumulate(usual), initial=0.0))
 
 
 def _at_level(x: Floats, q: Floats, level: float, at: NDArray[np.intp]) -> Floats:
