@@ -6,7 +6,8 @@ the table of horizons beside datasheet and least squares, the named effects, and
 
 FILE.py may also define `KNOWN`, a mapping of names to {"must": [[effect, ...], ...], "must_not":
 [effect, ...]}: of each group under "must", which are alternatives, one has to be named. How many
-are is then counted, over groups and over cases of which at least one is.
+are is then counted, over groups and over cases of which at least one is, and of how many the
+examination says that the record cannot tell them.
 """
 
 from __future__ import annotations
@@ -36,12 +37,14 @@ class Causes:
 
     Attributes:
         groups: Of each group of alternatives, whether one was named.
+        open: Number of the others that the examination excludes.
         cases: Of each case with a known cause, whether one of its causes was.
         confirmed: Number of confirmed names.
         wrong: Names that must not be there: case, name and status.
     """
 
     groups: list[bool] = field(default_factory=list)
+    open: int = 0
     cases: list[bool] = field(default_factory=list)
     confirmed: int = 0
     wrong: list[str] = field(default_factory=list)
@@ -55,15 +58,23 @@ class Causes:
         self.confirmed += sum(status == "confirmed" for status in named.values())
         wrong = [f"{name}: {n} ({named[n]})" for n in known.get("must_not", ()) if n in named]
         self.wrong += wrong
+        exam = found.examination
+        excluded = {row.name for row in exam.cannot_tell} if exam is not None else set()
         pairs = zip(known.get("must", ()), hits, strict=True)
-        missed = [" or ".join(group) for group, hit in pairs if not hit]
-        return f"  missed: {', '.join(missed) or 'none'}"
+        missed = [group for group, hit in pairs if not hit]
+        told = [excluded.issuperset(group) for group in missed]
+        self.open += sum(told)
+        lines = (
+            f"{' or '.join(group)}{' (cannot be told, says the examination)' if is_told else ''}"
+            for group, is_told in zip(missed, told, strict=True)
+        )
+        return f"  missed: {', '.join(lines) or 'none'}"
 
     def __str__(self) -> str:
         counts = (f"{sum(x)} of {len(x)}" for x in (self.groups, self.cases))
         named, cases = counts
         return (
-            f"causes named: {named}; cases with one of theirs: {cases}; confirmed names: "
+            f"causes named: {named}, {self.open} more cannot be told; cases with one of theirs: {cases}; confirmed names: "
             f"{self.confirmed}; named wrongly: {', '.join(self.wrong) or 'none'}"
         )
 
