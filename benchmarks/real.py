@@ -74,8 +74,8 @@ class Causes:
         counts = (f"{sum(x)} of {len(x)}" for x in (self.groups, self.cases))
         named, cases = counts
         return (
-            f"causes named: {named}, {self.open} more cannot be told; cases with one of theirs: {cases}; confirmed names: "
-            f"{self.confirmed}; named wrongly: {', '.join(self.wrong) or 'none'}"
+            f"causes named: {named}, {self.open} more cannot be told; cases with one of theirs: "
+            f"{cases}; confirmed names: {self.confirmed}; named wrongly: {', '.join(self.wrong) or 'none'}"
         )
 
 
