@@ -75,7 +75,8 @@ class Causes:
         named, cases = counts
         return (
             f"causes named: {named}, {self.open} more cannot be told; cases with one of theirs: "
-            f"{cases}; confirmed names: {self.confirmed}; named wrongly: {', '.join(self.wrong) or 'none'}"
+            f"{cases}; confirmed names: {self.confirmed}; "
+            f"named wrongly: {', '.join(self.wrong) or 'none'}"
         )
 
 

@@ -19,7 +19,7 @@ from cjt_gym.gap.horizons.prediction.windows import relative
 from cjt_gym.gap.horizons.selection.choice import WORSE
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.gap.horizons.torque.cross_validated import BLOCKS, Spent
-from cjt_gym.gap.horizons.torque.inverse import BY_LOAD, inverse
+from cjt_gym.gap.horizons.torque.inverse import BY_LOAD, DRAGS, inverse
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effects import friction
 from cjt_gym.joint.files.effect_entries import unit_on
@@ -168,8 +168,16 @@ def beside_torque(
 
 
 def with_told(judged: Judgement, effects: Sequence[NamedEffect]) -> Judgement:
-    """Return a judgement whose joint has the numbers of effects, if it predicts no worse so."""
-    draft = Draft(judged.joint.file, judged.joint.effects)
+    """Return a judgement whose joint has the numbers of effects, if it predicts no worse so.
+
+    Of a joint that runs out they are all of its friction: predictions tell none of it there.
+    """
+    effects_of, runs_out = (
+        judged.joint.effects,
+        scales_of(judged.case.joint, judged.case.logs).coasts,
+    )
+    left = {name: x for name, x in effects_of.items() if not (runs_out and name in DRAGS)}
+    draft = Draft(judged.joint.file, left)
     for effect in effects:
         for other in EFFECTS[effect.name].excludes:
             draft.effects.pop(other, None)
