@@ -38,6 +38,8 @@ SECONDS, WINDOW = 60.0, 10.0
 """Length of a log beyond which only its most informative windows are used, and theirs [s]."""
 MOST_REPAIRS = 6
 """Number of repairs that the terminal shows; the report lists all."""
+USUAL = frozenset({"missing", "sampling", "stale", "glitch", "wrap", "cut", "order", "repeated"})
+"""Kinds of repairs that are told last: they are mended, and hardly change what a log tells."""
 FILES = ("diagnosis.json", "report.html", "joint.toml")
 NEXT = ("next.npz", "next.toml")
 """The next excitation, which is written only where there is one."""
@@ -123,7 +125,11 @@ def run(options: argparse.Namespace) -> Answer:
 def _of_the_record(found: Diagnosis, repairs: Sequence[Repair]) -> str:
     """Return what was repaired in the records, and their faults, as lines."""
     faults = () if found.examination is None else found.examination.faults
-    told = list(dict.fromkeys((*(repair.text for repair in repairs), *faults)))
+    grave, usual = (
+        [repair.text for repair in repairs if (repair.kind in USUAL) == is_usual]
+        for is_usual in (False, True)
+    )
+    told = list(dict.fromkeys((*grave, *faults, *usual)))
     more = len(told) - MOST_REPAIRS
     also = [f"and {more} more in the report."] if more > 0 else []
     lines = (

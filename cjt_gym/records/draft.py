@@ -14,6 +14,9 @@ from cjt_gym.records.tables.flat import NUMBERS
 from cjt_gym.records.units import USUAL, units_of, usual_name
 
 UNKNOWN: Final = "?"
+BRIEF: Final = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+BRIEFEST: Final = 2e-5
+"""Units of time that a name may have wrongly [s], and the sample time below which it has [s]."""
 HEAD: Final = """\
 # Draft: which column of {log} is which, guessed from the names. Check every guess, replace every
 # "?", and delete what is not needed. sign, scale, offset and more: docs/records.md.
@@ -129,6 +132,9 @@ def _table(column: str, name: str, values: NDArray[Any]) -> str:
         f"source = {_quoted(name)}",
     ]
     among = "" if unit else f"  # {', '.join(allowed)}"
+    if column == "t" and unit in BRIEF and _apart(values) * BRIEF[unit] < BRIEFEST:
+        among = f"  # its name says {unit}, but rows would be {_apart(values):.2g} {unit} apart"
+        unit = None
     lines.append(f'unit = "{unit or UNKNOWN}"{among}')
     if unit in ("counts", "counts/s"):
         lines.append(f'counts_per_rev = "{UNKNOWN}"')
@@ -137,6 +143,13 @@ def _table(column: str, name: str, values: NDArray[Any]) -> str:
     if column in SIDED:
         lines.append('side = "?"  # motor: taken before the gear; link: after it, or there is none')
     return "\n".join(lines) + "\n"
+
+
+def _apart(values: NDArray[Any]) -> float:
+    """Return the usual difference of two instants that are not the same."""
+    steps = np.diff(values.astype(np.float64))
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) else np.inf
 
 
 def _unit(name: str, allowed: tuple[str, ...]) -> str | None:

@@ -33,6 +33,9 @@ LONGEST_FREEZE, FREEZES = 100, 3
 """Samples for which a channel may stand still and be called frozen, and how often it has to."""
 STEADY = 5
 """Samples before and after it from which the speed there is taken."""
+ALIKE, SELDOM = 25, 0.05
+"""Samples that are the same to the last digit from which a measured current is none, and share of
+such samples beside them above which it is merely coarse."""
 SLOWEST = 100
 """Samples of the log, for one of the sensor, up to which a sensor is called slow."""
 
@@ -194,6 +197,34 @@ def frozen(x: FloatArray) -> NDArray[np.bool_]:
             out[known[begin + 2 : end + 1]] = True
     runs = int(np.sum(np.diff(out.astype(int), prepend=0) > 0))
     return out if runs >= FREEZES else np.zeros(len(x), dtype=bool)
+
+
+def stuck(x: FloatArray, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which samples only repeat the last one measured, as of a drive that is switched off.
+
+    A measured current is never the same for long while the joint moves, unless it is zero or at an
+    end of its range.
+
+    Args:
+        x: The channel, shape (n,).
+        moves: Where the joint has moved since the sample before, shape (n,).
+    """
+    same = np.diff(x, prepend=np.nan) == 0.0
+    edges = np.diff(same.astype(int), prepend=0, append=0)
+    runs = zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)
+    cut = 0.0, np.nanmin(x, initial=np.inf), np.nanmax(x, initial=-np.inf)  # off, or cut off there
+    long = [(begin, end) for begin, end in runs if end - begin >= ALIKE and x[begin] not in cut]
+    out = np.zeros(len(x), dtype=bool)
+    for begin, end in long:
+        out[begin:end] = True
+    steps = np.abs(np.diff(x, prepend=np.nan))[moves & ~out]
+    steps = steps[np.isfinite(steps)]
+    seen = any(np.mean(moves[begin:end]) > 0.5 for begin, end in long)
+    if not seen or len(steps) < FEWEST or np.mean(steps == 0.0) > SELDOM:
+        return np.zeros(len(x), dtype=bool)
+    lattice, _ = _lattice(x[np.isfinite(x)])
+    fine = float(np.median(steps)) > STEEP * lattice
+    return out if fine else np.zeros(len(x), dtype=bool)
 
 
 def _more_than_chance(d: FloatArray, lattice: float) -> bool:

@@ -27,6 +27,7 @@ from cjt_gym.records.glitches import (
     glitches,
     held,
     stale,
+    stuck,
     unwrapped,
 )
 from cjt_gym.records.record import Record
@@ -242,9 +243,30 @@ def _spread(x: FloatArray) -> float:
     return max(float(high - low), 0.05 * float(np.nanmax(x) - np.nanmin(x)), 1e-300)
 
 
+def _mark_stuck(columns: Columns) -> list[Repair]:
+    """Mark a current of a drive that is off as missing, in place; return what was done."""
+    angles = [columns[name] for name in INERT if name in columns and name != "tau"]
+    if not angles:
+        return []
+    moves = np.any([np.diff(x, prepend=x[0]) != 0.0 for x in angles], axis=0)
+    repairs = []
+    for name in sorted({"i", "i_d", "tau"} & set(columns)):
+        rows = stuck(columns[name], moves)
+        if count := int(rows.sum()):
+            last = columns[name][np.flatnonzero(rows)[-1]]
+            columns[name] = np.where(rows, np.nan, columns[name])
+            text = (
+                f"{name}: stays {last:.6g} to the last digit while the joint moves, as of a drive "
+                f"that is off; {counted(count, 'row')} ({share(count, len(rows))}) marked as "
+                "missing."
+            )
+            repairs.append(Repair("stale", name, count, True, text))
+    return repairs
+
+
 def _mark_stale(columns: Columns) -> list[Repair]:
     """Mark repeated samples of the columns as missing, in place; return what was done."""
-    repairs: list[Repair] = []
+    repairs = _mark_stuck(columns)
     flagged: dict[str, Bools] = {}
     for name in sorted(set(MEASURED) & set(columns)):
         if name in INERT:

@@ -337,6 +337,12 @@ def test_a_draft_knows_what_a_name_tells_of_and_what_it_does_not(
     assert ('unit = "deg/s"' in text) == name.endswith("[dps]")
 
 
+def test_a_draft_asks_for_the_unit_of_times_that_their_name_makes_too_short() -> None:
+    seconds = 1771538684.155 + 0.01 * np.arange(20)
+    for factor, told in ((1.0, 'unit = "?"  # its name says ms'), (1e3, 'unit = "ms"')):
+        assert told in draft("log.csv", {"timestamp(ms)": factor * seconds})
+
+
 def test_the_second_of_two_equal_sensors_is_on_the_other_side_of_the_spring() -> None:
     names = ("Encoder 1 [counts]", "Encoder 2 [counts]", "Encoder 3 [counts]", "Motor position")
     text = draft("log.csv", {name: np.array([0.0, 1.0]) for name in names})

@@ -397,3 +397,17 @@ def test_an_angle_that_jumps_at_an_end_of_the_log_is_a_glitch_there(
     assert np.array_equal(found, off != angle)
     assert found.sum() == count
     assert not glitches(off).any()
+
+
+@pytest.mark.parametrize(("last", "marked"), [(-10.149451, 299), (0.0, 0)])
+def test_a_current_that_a_drive_no_longer_measures_is_none(last: float, marked: int) -> None:
+    rng = np.random.default_rng(0)
+    t = 0.01 * np.arange(900)
+    i = 12.0 * np.sin(2.0 * t) + 0.05 * rng.standard_normal(len(t))
+    i[600:] = last
+    q = np.cumsum(0.01 * np.sin(2.0 * t)) + 0.3 * t
+    cleaned, repairs = clean(as_record({"t": t, "i": i, "q_m": q}))
+    assert int(np.isnan(cleaned["i"]).sum()) == marked
+    assert [r.text.split(" to ")[0] for r in repairs if r.channel == "i"] == (
+        [f"i: stays {last:.6g}"] if marked else []
+    )

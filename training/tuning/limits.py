@@ -140,7 +140,7 @@ def assess(law: Controller, joint: Joint, plant: LinearPlant, amplitude: float) 
     model = probe_law(law, joint, plant.dt)
     if not model.is_linear or law.linear is None:
         return replace(_by_simulation(law, joint, plant.dt, amplitude), robust=robust)
-    loop = Loop(model, plant)
+    loop, port = Loop(model, plant), port_resistance(joint)
     found = figures_of(loop)
     if not found.stable:
         return Assessment(True, False, float(np.log(np.max(np.abs(loop.poles())))))
@@ -153,7 +153,7 @@ def assess(law: Controller, joint: Joint, plant: LinearPlant, amplitude: float) 
         found.delay_margin,
         found.sensitivity_peak,
         noise_gain(sampled.loop, law.linear),
-        found.port_shortage / max(port_resistance(joint), 1e-9),
+        found.port_shortage / port if port > 0.0 else None,  # no spring, no port
         found.bandwidth_hz,
         robust,
     )

@@ -44,6 +44,6 @@ class Number:
         return (value - self.start) / self.scale
 
     def at_bound(self, z: float) -> bool:
-        """Return whether the value is stuck at one of its bounds."""
-        value = self.value(z)
-        return value <= self.low or value >= self.high
+        """Return whether the value is stuck at one of its bounds, but for rounding."""
+        value, near = self.value(z), 1e-9 * (abs(self.start) + self.scale)
+        return value <= self.low + near or value >= self.high - near

@@ -11,7 +11,14 @@ from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fitting.base_terms import base_terms
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem
 from cjt_gym.gap.horizons.fitting.terms import candidates, scales_of
-from cjt_gym.gap.horizons.fitting.uncertainty import BENT, KEPT, _of_scale, counted, spread_of
+from cjt_gym.gap.horizons.fitting.uncertainty import (
+    BENT,
+    KEPT,
+    Spread,
+    _of_scale,
+    counted,
+    spread_of,
+)
 from cjt_gym.gap.horizons.prediction.case import make_case
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.horizons.selection.stepwise import added
@@ -72,3 +79,16 @@ def test_values_are_not_exact_where_every_window_jumps() -> None:
     all_bent = counted(bent)
     assert all_bent.sum() == round(KEPT * len(bent))
     assert bent[all_bent].max() < bent[~all_bent].min()
+
+
+def test_what_the_datasheet_tells_stays_as_sure_where_a_model_errs() -> None:
+    case = make_case([record()], [], datasheet(1.0, tolerance=TOLERANCE), get_structure("rigid"))
+    inertia = base_terms(case.joint, scales_of(case.joint, case.logs))[0]
+    damping = base_terms(case.joint, scales_of(case.joint, case.logs))[1]
+    fit = Fit(Model(case.joint, (inertia, damping)), np.zeros(2), 0.0, [])
+    assert [n.prior for n in fit.model.numbers] == [True, False]
+    by_sheet, by_record = np.diag([1.0, 0.04]), np.diag([1e-4, 0.04])
+    untold = Spread(fit, by_sheet, 2.0, by_sheet).wider(3.0).matrix
+    assert untold == pytest.approx(np.diag([1.0, 0.36])), "the tolerance holds"
+    told = Spread(fit, by_record, 2.0, by_record).wider(3.0).matrix
+    assert told == pytest.approx(np.diag([9e-4, 0.36]), rel=2e-3), "the record's share widens"

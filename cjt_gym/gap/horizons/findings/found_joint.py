@@ -72,7 +72,10 @@ def joint_of(
             k: v for k, v in table.get(name, {}).items() if isinstance(v, str)
         }
         for symbol, value in values.items():
-            key = f"{name}.{symbol}"
+            key, listed = f"{name}.{symbol}", table.get(name, {}).get(symbol)
+            if isinstance(listed, Quantity) and listed.value == value and key not in intervals:
+                entries[symbol] = listed  # nothing changed it
+                continue
             why = (OPEN if key not in intervals else TORN) if key in untold else ""
             why = REGRESSED if key in regressed else why
             said = f"{source}, {why}" if why else source

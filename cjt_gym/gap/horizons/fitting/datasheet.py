@@ -7,6 +7,7 @@ import math
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.prediction.model import Term, body_group
 from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
+from cjt_gym.gap.stages.intervals import TENFOLD
 from cjt_gym.joint import Joint, JointFile
 
 SPARED = 0.1
@@ -30,11 +31,11 @@ def stated_tolerance(joint: Joint, term: Term) -> float | None:
 
 
 def datasheet_number(file: JointFile, symbol: str, usual: float, reach: float) -> Number:
-    """Return a datasheet value as a free number with its tolerance."""
+    """Return a datasheet value as a free number with its tolerance; a guess reaches further."""
     quantity = file.parameters.quantities[symbol]
     tolerance = tolerance_of(file, symbol, usual)
     vague = not math.isfinite(tolerance)
-    start = quantity.number
+    start, reach = quantity.number, max(reach, TENFOLD) if vague else reach
     return Number(
         symbol, quantity.unit, start, GUESSED if vague else tolerance, True,
         start / reach, start * reach, True,

@@ -60,8 +60,17 @@ class Spread:
         return replace(self, matrix=self.known)
 
     def wider(self, by: float) -> Spread:
-        """Return a spread that is wider by a factor."""
-        return replace(self, matrix=self.matrix * by**2, known=self.known * by**2)
+        """Return a spread whose part that the record determines is wider by a factor.
+
+        What the datasheet tells of a number stays as sure as it was.
+        """
+        stated = np.diag(_known(self.fit.model)) * (by**2 - 1.0)
+
+        def wide(matrix: Floats) -> Floats:
+            found = by**2 * matrix @ np.linalg.inv(np.eye(len(matrix)) + stated @ matrix)
+            return np.asarray(0.5 * (found + found.T))
+
+        return replace(self, matrix=wide(self.matrix), known=wide(self.known))
 
     @property
     def model(self) -> Model:
