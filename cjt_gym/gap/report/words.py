@@ -59,8 +59,6 @@ CORRECTED = 0.6
 """Ratio of the gap after to that before below which refined values are more than tolerances."""
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
-MOSTLY = 0.5
-"""Share of the gap that must be gone for the verdict to mention refined values without a name."""
 OPEN, AGAIN = 0.1, 3.0
 """Replay error, and its ratio to the noise floor, above which an explained joint needs a remark."""
 SHORT = 0.05
@@ -268,8 +266,9 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     stages = where(diagnosis)
     lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"
     if diagnosis.verdict == "unexplained" or not diagnosis.effects:
-        if gap.removed >= MOSTLY:
-            return f"{lies}; no effect is named as its cause, but refined values predict better."
+        if gap.removed >= NOTABLE:
+            left = f"refined values take it to {percent(gap.after)}"
+            return f"{lies}; no effect is named as its cause, but {left}."
         return f"{lies}; no effect of the table explains it."
     names = _named(diagnosis.effects)
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
