@@ -34,6 +34,7 @@ from cjt_gym.gap.horizons.selection.stepwise import added
 from cjt_gym.gap.horizons.selection.worth import Worth
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
 from cjt_gym.gap.horizons.torque.inverse import seen_in_torque
+from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
@@ -178,7 +179,7 @@ def test_stages_give_way_to_a_regression_that_predicts_clearly_better(
     assert not are_sound(case, joints)
     assert are_sound(case, joints | {"stages": right})
     assert not are_sound(case, {"datasheet": right, "stages": case.joint})
-    monkeypatch.setattr(Case, "cut", True)  # not even stages that the spring separates stand
+    monkeypatch.setattr(Case, "cut", Cut.BY_TORQUE)  # nor do stages that a spring separates
     assert best_of(case, Problem(case.test), joints, NEAR) == "least squares"
     assert best_of(case, Problem(case.test), joints | {"stages": right}, NEAR) == "stages"
 

@@ -18,7 +18,7 @@ from cjt_gym.gap.horizons.fitting.terms import scales_of
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
 from cjt_gym.gap.stages.intervals import at_known, is_there, known_to_a_factor
-from cjt_gym.joint import EFFECTS
+from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.files.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
@@ -47,12 +47,15 @@ class Spread:
         matrix: Covariance, shape (n, n).
         factor: Half width of an interval, in standard deviations.
         known: Covariance if the scale of all torques were known, shape (n, n).
+        sheet: What the datasheet tells of each coordinate, as an inverse variance, shape (n,); by
+            default that of its prior.
     """
 
     fit: Fit
     matrix: Floats
     factor: float
     known: Floats
+    sheet: Floats | None = None
 
     @property
     def at_scale(self) -> Spread:
@@ -64,7 +67,8 @@ class Spread:
 
         What the datasheet tells of a number stays as sure as it was.
         """
-        stated = np.diag(_known(self.fit.model)) * (by**2 - 1.0)
+        told = _known(self.fit.model) if self.sheet is None else self.sheet
+        stated = np.diag(told) * (by**2 - 1.0)
 
         def wide(matrix: Floats) -> Floats:
             found = by**2 * matrix @ np.linalg.inv(np.eye(len(matrix)) + stated @ matrix)
@@ -140,10 +144,13 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     scales = [k for k, n in enumerate(fit.model.numbers) if n.symbol == "k_t"]
     alone = at_known(matrix, scales)
     if scales_of(fit.model.joint, logs).coasts:
-        matrix += _of_inertia(fit)
+        way, spread = _way(fit, voltage=False), _inertia_spread(fit.model.joint)
+        matrix += np.outer(way, way) * spread**2
+        own = [t.name for t in fit.model.terms].index("inertia")
+        known[fit.model.span(own)] = (fit.model.terms[own].numbers[0].scale / spread) ** 2
     elif not felt:
         matrix += _of_scale(fit, voltage=logs[0].voltage)
-    return Spread(fit, matrix, factor, alone)
+    return Spread(fit, matrix, factor, alone, known)
 
 
 def _known(model: Model) -> Floats:
@@ -184,16 +191,15 @@ def _of_scale(fit: Fit, *, voltage: bool) -> Floats:
     return np.asarray(np.outer(way, way) / known)
 
 
-def _of_inertia(fit: Fit) -> Floats:
-    """Return the covariance that the datasheet's inertia adds where nothing drives the joint.
+def _inertia_spread(joint: Joint) -> float:
+    """Return the relative deviation of the datasheet's inertia, of all that moves with the motor.
 
-    Friction and weight show in proportion to the inertia there, which the fit takes as stated.
+    Where nothing drives the joint, friction and weight show in proportion to the inertia, which a
+    fit takes as stated.
     """
-    joint = fit.model.joint
     own = {s: joint.parameters.get(s, 0.0) for s in inertias_at(joint, 1.0)}
     off = [min(tolerance_of(joint.file, s, INERTIA), GUESSED) * x for s, x in own.items()]
-    way = _way(fit, voltage=False)
-    return np.asarray(np.outer(way, way) * (float(np.linalg.norm(off)) / sum(own.values())) ** 2)
+    return float(np.linalg.norm(off)) / sum(own.values())
 
 
 def _way(fit: Fit, *, voltage: bool) -> Floats:
