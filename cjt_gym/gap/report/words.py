@@ -267,8 +267,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"
     if diagnosis.verdict == "unexplained" or not diagnosis.effects:
         if gap.removed >= NOTABLE:
-            left = f"refined values take it to {percent(gap.after)}"
-            return f"{lies}; no effect is named as its cause, but {left}."
+            rest = f"refined values take it to {percent(gap.after)}"
+            return f"{lies}; no effect is named as its cause, but {rest}."
         return f"{lies}; no effect of the table explains it."
     names = _named(diagnosis.effects)
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
