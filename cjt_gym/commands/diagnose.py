@@ -129,7 +129,7 @@ def _of_the_record(found: Diagnosis, repairs: Sequence[Repair]) -> str:
         [repair.text for repair in repairs if (repair.kind in USUAL) == is_usual]
         for is_usual in (False, True)
     )
-    told = list(dict.fromkeys((*grave, *faults, *usual)))
+    told = list(dict.fromkeys((*grave, *(text for text in faults if text not in usual), *usual)))
     more = len(told) - MOST_REPAIRS
     also = [f"and {more} more in the report."] if more > 0 else []
     lines = (
