@@ -77,10 +77,16 @@ def test_an_unknown_structure_of_a_record_is_refused_by_check_too() -> None:
 
 def test_a_guess_that_is_corrected_is_said() -> None:
     case = make_case([record(seconds=4.0)], [], datasheet(), get_structure("rigid"))
-    draft = Draft(case.joint.file, case.joint.effects)
-    draft.row("inertia")["I_m"] = INERTIA
-    answer = drafted(case.joint, draft)
-    assert "0.04 kg m^2, is corrected to 0.02" in corrected(Judgement(case, "found", answer, ()))
+
+    def said(inertia: float) -> str:
+        draft = Draft(case.joint.file, case.joint.effects)
+        draft.row("inertia")["I_m"] = inertia
+        return corrected(Judgement(case, "found", drafted(case.joint, draft), ()))
+
+    assert said(INERTIA).endswith("0.04 kg m^2, is corrected to 0.02.")
+    assert said(0.8).endswith(
+        "That is a factor of 20: check units, gear ratio and torque constant."
+    )
     assert corrected(Judgement(case, "datasheet", case.joint, ())) == ""
 
 

@@ -43,9 +43,18 @@ def corrected(judged: Judgement) -> str:
         if abs(new - quantity.number) > REFINED * max(abs(new), abs(quantity.number)):
             said.append(
                 f"The guess of {symbol}, {plain(quantity.number)} {quantity.unit}, is corrected to "
-                f"{plain(new)}."
+                f"{plain(new)}.{_far_from(quantity.number, new)}"
             )
     return " ".join(said)
+
+
+def _far_from(guess: float, new: float) -> str:
+    """Return what to check where a guess is off by more than guesses are, "" if it is not."""
+    ratio = new / guess if guess else 1.0
+    far = max(ratio, 1.0 / ratio) if ratio > 0.0 else 1.0
+    if far < HEAVY:
+        return ""
+    return f" That is a factor of {plain(far, 2)}: check units, gear ratio and torque constant."
 
 
 def moving_together(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
