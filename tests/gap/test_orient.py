@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from cjt_gym.blind import draw_case, write_case
 from cjt_gym.gap.check import examine
@@ -13,6 +14,7 @@ from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.joint import JointFile, Structure, get_structure, load_joint_file
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record, read_record
+from tests.gap.horizons.rotor import datasheet
 
 Blind = tuple[Record, JointFile, Structure]
 
@@ -194,3 +196,18 @@ def test_the_longest_piece_of_a_log_shows_the_signs_of_all(free: Blind) -> None:
     oriented, repairs = orient(rest, joint, structure, wrong)
     assert {repair.channel for repair in repairs} == {"i_cmd"}
     assert np.array_equal(oriented["i_cmd"], record["i_cmd"][:150])
+
+
+@pytest.mark.parametrize(("inertia", "told"), [(0.0, True), (0.02, False)])
+def test_a_current_that_the_speed_makes_need_not_have_the_wrong_sign(
+    inertia: float, told: bool
+) -> None:
+    t = 2e-3 * np.arange(5000)
+    speed = np.sin(3.0 * t) + 0.6 * np.sin(11.0 * t + 1.0)
+    current = -0.2 * speed - inertia * np.gradient(speed, t)
+    current += 0.005 * np.random.default_rng(0).standard_normal(len(t))
+    columns = {"t": t, "i": current, "q_m": cumulative_trapezoid(speed, t, initial=0.0)}
+    moved = Record(columns, {"t": "s", "i": "A", "q_m": "rad"}, structure="rigid")
+    (repair,) = orient(moved, datasheet(1.0), get_structure("rigid"))[1]
+    assert repair.text.startswith("q_m: sign turned")
+    assert ("the speed makes the current" in repair.text) == told

@@ -79,6 +79,13 @@ LAWS = {
     "tau_l": "it moves the joint as the motor's torque does",
 }
 """The laws of the motor's equation, by the channel that it ties to the motor's torque."""
+GENERATED = (
+    " Or it is right, and the speed makes the current, as in shorted windings: then nothing that "
+    "was recorded drives the joint."
+)
+BY_SPEED = 0.95
+"""Share of a current that its speed explains from which that is told; it was 0.99 of an exoskeleton
+that was moved by hand with its windings shorted."""
 WOUND = "the spring's torque grows as it is wound"
 """The law of the spring, as a repair tells it."""
 UNIT_FACTORS = {180.0 / pi: "180/pi", pi / 180.0: "pi/180", 1e3: "1000", 1e-3: "1/1000"}
@@ -118,7 +125,8 @@ def orient(
     if motor is not None:
         ties += motor.ties()
     turned = _turned(ties)
-    repairs = [_turn(name, ties) for name in turned]
+    generated = motor is not None and motor.is_generated
+    repairs = [_turn(name, ties, generated=generated) for name in turned]
     repairs += _scales(channels, motor, joint, structure)
     if not turned:
         return record, tuple(repairs)
@@ -273,6 +281,12 @@ class _Motor:
         share = 1.0 - np.var(self.drive - matrix @ factors) / max(np.var(self.drive), 1e-300)
         return dict(zip(self.terms, factors.tolist(), strict=False)), float(share)
 
+    @property
+    def is_generated(self) -> bool:
+        """Whether a measured current is all but a function of the speed, which may make it."""
+        alone = replace(self, terms={name: self.terms[name] for name in ("speed", "friction")})
+        return self.driving == "i" and alone.fit()[1] > BY_SPEED
+
     def left(self, signs: Mapping[str, float], *, heavy: bool = False) -> float:
         """Return the unexplained share of the drive for given signs of q_m, tau and tau_l.
 
@@ -339,13 +353,14 @@ def _doubt(name: str) -> tuple[int, str]:
     return (ORDER.index(name) if name in ORDER else len(ORDER), name)
 
 
-def _turn(name: str, ties: list[Tie]) -> Repair:
+def _turn(name: str, ties: list[Tie], *, generated: bool) -> Repair:
     laws = dict.fromkeys(
         tie.law for tie in ties if name in (tie.first, tie.second) and tie.strength < 0.0
     )
     reason = "; ".join(laws) or "it goes with another that was turned"
     wound = {tie.first for tie in ties if tie.law == WOUND and tie.strength < 0.0}
     also = " Or q_m and q_l are swapped." if name == "tau" and {"q_m", "q_l"} <= wound else ""
+    also += GENERATED if generated and LAWS["q_m"] in laws else ""
     return Repair("sign", name, 0, True, f"{name}: sign turned ({reason}).{also}")
 
 
