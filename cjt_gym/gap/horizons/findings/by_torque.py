@@ -170,14 +170,14 @@ def beside_torque(
 def with_told(judged: Judgement, effects: Sequence[NamedEffect]) -> Judgement:
     """Return a judgement whose joint has the numbers of effects, if it predicts no worse so.
 
-    Of a joint that runs out they are all of its friction: predictions tell none of it there.
+    Of a joint that runs out they are all of its friction beside what is listed: predictions tell
+    none of it there.
     """
-    effects_of, runs_out = (
-        judged.joint.effects,
-        scales_of(judged.case.joint, judged.case.logs).coasts,
-    )
-    left = {name: x for name, x in effects_of.items() if not (runs_out and name in DRAGS)}
-    draft = Draft(judged.joint.file, left)
+    given, nominal = judged.joint.effects, judged.case.joint
+    if scales_of(nominal, judged.case.logs).coasts:
+        listed = {name: nominal.effects[name] for name in DRAGS & nominal.effects.keys()}
+        given = {name: x for name, x in given.items() if name not in DRAGS} | listed
+    draft = Draft(judged.joint.file, given)
     for effect in effects:
         for other in EFFECTS[effect.name].excludes:
             draft.effects.pop(other, None)

@@ -199,7 +199,7 @@ def _inertia_spread(joint: Joint) -> float:
     """
     own = {s: joint.parameters.get(s, 0.0) for s in inertias_at(joint, 1.0)}
     off = [min(tolerance_of(joint.file, s, INERTIA), GUESSED) * x for s, x in own.items()]
-    return float(np.linalg.norm(off)) / sum(own.values())
+    return max(float(np.linalg.norm(off)) / sum(own.values()), LEAST**2)
 
 
 def _way(fit: Fit, *, voltage: bool) -> Floats:
