@@ -108,7 +108,9 @@ def _of_search(
                 effect = effect.or_else([beside]).doubted(_instead([beside]))
             if _is_dry(judged, k, seen):
                 effect = effect.or_else(["coulomb"]).doubted(_instead(["coulomb"]))
-            if may_be_as_stated(spread, term, effect) or is_open(judged, effect):
+            carried = judged.misfit if term.numbers[0].prior else 1.0  # or it is wider already
+            as_stated = may_be_as_stated(spread, term, effect, carried)
+            if as_stated or is_open(judged, effect):
                 continue
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     return named

@@ -144,16 +144,18 @@ def _is_felt(judged: Judgement, term: Term, values: Sequence[float]) -> bool:
     return any(abs(x - value) < FELT * value for x in by[term.name])
 
 
-def may_be_as_stated(spread: Spread, term: Term, effect: NamedEffect) -> bool:
+def may_be_as_stated(spread: Spread, term: Term, effect: NamedEffect, misfit: float = 1.0) -> bool:
     """Return whether the interval of a datasheet value includes what the datasheet states.
 
-    A wave of no height, whatever its frequency, is no such value.
+    What a model lacks may carry the value beyond that interval, in proportion to the misfit. A wave
+    of no height, whatever its frequency, is no such value.
     """
     symbol = term.numbers[0].symbol
     if not all(term.nominal) or symbol not in effect.parameters:
         return False
-    one = effect.parameters[symbol]
-    return one.low <= spread.stated(term, term.nominal[0]) <= one.high
+    one, stated = effect.parameters[symbol], spread.stated(term, term.nominal[0])
+    low, high = (one.value + misfit * (end - one.value) for end in (one.low, one.high))
+    return low <= stated <= high
 
 
 def is_open(judged: Judgement, effect: NamedEffect) -> bool:
