@@ -51,13 +51,13 @@ class Causes:
 
     def count(self, name: str, found: Diagnosis, known: Mapping[str, Sequence[Any]]) -> str:
         """Count a case, and return which of its causes were missed, as text."""
-        named = {e.name: e.status for e in found.effects}
-        hits = [not named.keys().isdisjoint(group) for group in known.get("must", ())]
+        named, unwanted = {e.name for e in found.effects}, known.get("must_not", ())
+        hits = [not named.isdisjoint(group) for group in known.get("must", ())]
         self.groups += hits
         self.cases += [any(hits)] if hits else []
-        self.confirmed += sum(status == "confirmed" for status in named.values())
-        wrong = [f"{name}: {n} ({named[n]})" for n in known.get("must_not", ()) if n in named]
-        self.wrong += wrong
+        self.confirmed += sum(e.status == "confirmed" for e in found.effects)
+        wrong = [e for e in found.effects if e.name in unwanted]
+        self.wrong += [f"{name}: {e.name} ({e.status})" for e in wrong]
         exam = found.examination
         excluded = {row.name for row in exam.cannot_tell} if exam is not None else set()
         pairs = zip(known.get("must", ()), hits, strict=True)
@@ -71,8 +71,7 @@ class Causes:
         return f"  missed: {', '.join(lines) or 'none'}"
 
     def __str__(self) -> str:
-        counts = (f"{sum(x)} of {len(x)}" for x in (self.groups, self.cases))
-        named, cases = counts
+        named, cases = (f"{sum(x)} of {len(x)}" for x in (self.groups, self.cases))
         return (
             f"causes named: {named}, {self.open} more cannot be told; cases with one of theirs: "
             f"{cases}; confirmed names: {self.confirmed}; "

@@ -45,5 +45,6 @@ class Number:
 
     def at_bound(self, z: float) -> bool:
         """Return whether the value is stuck at one of its bounds, but for rounding."""
-        value, near = self.value(z), 1e-9 * (abs(self.start) + self.scale)
+        value = self.value(z)
+        near = 1e-9 * (abs(value) if self.log else self.scale)
         return value <= self.low + near or value >= self.high - near

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fitting.base_terms import base_terms
 from cjt_gym.gap.horizons.fitting.covariance import Scatter
 from cjt_gym.gap.horizons.fitting.fit import Problem
@@ -118,3 +119,10 @@ def test_the_values_of_the_answer_come_from_more_windows_of_the_same_pieces() ->
         levels.append(refined.model.values(refined.z)[-1][0])
         assert [e.shape for e in refined.errors] == [e.shape for e in fit.errors]
     assert levels == pytest.approx([DRY, 1.1 * DRY], rel=0.02)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-9])
+def test_a_number_is_at_its_bound_in_any_unit(unit: float) -> None:
+    number = Number("d_m", "N m s/rad", unit, 0.5, True, unit / 3.0, 3.0 * unit)
+    assert number.at_bound(number.coordinate(unit / 3.0))
+    assert not number.at_bound(number.coordinate(unit / 2.9))

@@ -43,16 +43,19 @@ def corrected(judged: Judgement) -> str:
         if abs(new - quantity.number) > REFINED * max(abs(new), abs(quantity.number)):
             said.append(
                 f"The guess of {symbol}, {plain(quantity.number)} {quantity.unit}, is corrected to "
-                f"{plain(new)}.{_far_from(quantity.number, new)}"
+                f"{plain(new)}.{_far_from(symbol, quantity.number, new)}"
             )
     return " ".join(said)
 
 
-def _far_from(guess: float, new: float) -> str:
-    """Return what to check where a guess is off by more than guesses are, "" if it is not."""
+def _far_from(symbol: str, guess: float, new: float) -> str:
+    """Return what to check where a guess is off by more than guesses are, "" if it is not.
+
+    Of damping and friction hardly more than the order of magnitude is ever known.
+    """
     ratio = new / guess if guess else 1.0
     far = max(ratio, 1.0 / ratio) if ratio > 0.0 else 1.0
-    if far < HEAVY:
+    if far < HEAVY or not symbol.startswith(("I_", "k_")):
         return ""
     return f" That is a factor of {plain(far, 2)}: check units, gear ratio and torque constant."
 
