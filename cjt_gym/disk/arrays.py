@@ -82,8 +82,7 @@ def members_of(path: Path, error: type[CjtGymError]) -> Iterator[list[Member]]:
 
 def read_arrays(path: Path, error: type[CjtGymError]) -> dict[str, NDArray[Any]]:
     """Return all arrays of an archive: real numbers and texts."""
-    file = path.open("rb")
-    file.close()
+    path.open("rb").close()  # a file that is not there is no malformed one
     what = f"{path} must be an NPZ archive of plain numeric arrays"
     with parsing(what, error), members_of(path, error) as members:
         if strange := [m.name for m in members if m.dtype.kind not in REAL + TEXT]:

@@ -54,7 +54,8 @@ def whole(path: str | Path) -> Iterator[Path]:
         if mode is not None:
             part.chmod(mode)
         yield part
-        _to_disk(part)
+        with part.open("r+b") as file:
+            os.fsync(file.fileno())  # so that a full disk is noticed
         part.replace(place)
     except BaseException as error:
         with suppress(OSError):
@@ -121,12 +122,3 @@ def _mode_of(place: Path) -> int | None:
     if not os.access(place, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(place))
     return place.stat().st_mode & 0o7777
-
-
-def _to_disk(part: Path) -> None:
-    """Wait until a file is on the disk, so that a full disk is noticed."""
-    handle = os.open(part, os.O_RDWR)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import KeysView, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +27,8 @@ from cjt_gym.records.columns import JOINT_MARK, PRISMATIC
 
 JOINT_FILE = "joint_file"
 """Key of the provenance: path of the joint file that a record was made with."""
+NO_FACTS = frozenset({"columns", "allow_nan", "origin"})
+"""Fields of a record that are no facts by which two records differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,23 +137,17 @@ class Record:
         """Return whether values and facts are the same, wherever they were read from."""
         if not isinstance(other, Record):
             return NotImplemented
-        return _facts(self) == _facts(other) and all(
+        facts = [field.name for field in fields(self) if field.name not in NO_FACTS]
+        return all(getattr(self, name) == getattr(other, name) for name in facts) and all(
             np.array_equal(self[name], other[name], equal_nan=True) for name in self.columns
         )
 
     __hash__ = None  # type: ignore[assignment]
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return plain dictionaries, which can be pickled for another process."""
-        return {
-            name: dict(value) if isinstance(value, MappingProxyType) else value
-            for name, value in vars(self).items()
-        }
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        rebuilt = Record(**state)
-        for name, value in vars(rebuilt).items():
-            object.__setattr__(self, name, value)
+    def __reduce__(self) -> tuple[type[Record], tuple[Any, ...]]:
+        """Return what makes the record again, in plain dictionaries, which can be pickled."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return Record, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
 
     @property
     def t(self) -> FloatArray:
@@ -296,14 +292,3 @@ def concat(records: Sequence[Record]) -> Record:
     columns = {name: np.concatenate([record[name] for record in records]) for name in first.columns}
     allow_nan = any(record.allow_nan for record in records)
     return replace(first, columns=columns, allow_nan=allow_nan)
-
-
-def _facts(record: Record) -> tuple[object, ...]:
-    scalars = (record.dt, record.seed, record.parameter_hash, record.joint, record.structure)
-    tables = (
-        record.units,
-        record.versions,
-        record.provenance,
-        {name: dict(known) for name, known in record.sensors.items()},
-    )
-    return (*scalars, *(dict(table) for table in tables))

@@ -266,9 +266,12 @@ def _mark_stuck(columns: Columns) -> list[Repair]:
 
 def _mark_stale(columns: Columns) -> list[Repair]:
     """Mark repeated samples of the columns as missing, in place; return what was done."""
+    measured = sorted(set(MEASURED) & set(columns))
+    if not measured:
+        return []
     repairs = _mark_stuck(columns)
     flagged: dict[str, Bools] = {}
-    for name in sorted(set(MEASURED) & set(columns)):
+    for name in measured:
         if name in INERT:
             slow, period = held(columns[name])
             if period > 1:
@@ -285,7 +288,10 @@ def _mark_stale(columns: Columns) -> list[Repair]:
         long |= frozen(columns[name])
     for name, repeats in flagged.items():  # what froze one channel may have frozen others
         repeats |= long & _same_rows({name: columns[name]})
-    whole = _stale_rows(columns, flagged) | _halted_rows(columns)
+    same = _same_rows({name: values for name, values in columns.items() if name != "t"})
+    whole = _halted_rows(columns, same)
+    if len(flagged) > 1:
+        whole |= same & np.any(list(flagged.values()), axis=0)
     if count := int(whole.sum()):
         for name in flagged:
             flagged[name] &= ~whole
@@ -304,15 +310,15 @@ def _mark_stale(columns: Columns) -> list[Repair]:
     return repairs
 
 
-def _halted_rows(columns: Columns) -> Bools:
+def _halted_rows(columns: Columns, rows: Bools) -> Bools:
     """Return which rows repeat the one before for long while the log stood still, not the joint.
 
     Such logs jump when they go on, further than the joint ever moves within a row.
+
+    Args:
+        columns: The columns of the log.
+        rows: Which rows repeat the one before in everything but their time, shape (n,).
     """
-    rest = {name: values for name, values in columns.items() if name != "t"}
-    if not rest:
-        return np.zeros(_length(columns), dtype=bool)
-    rows = _same_rows(rest)
     edges = np.diff(rows.astype(int), prepend=0, append=0)
     begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
     length = ends - begins
@@ -329,15 +335,6 @@ def _halted_rows(columns: Columns) -> Bools:
         if np.isfinite(moves).any() and np.nanmax(after) > JUMP * np.nanmax(moves):
             return halts
     return np.zeros(len(rows), dtype=bool)
-
-
-def _stale_rows(columns: Columns, flagged: Mapping[str, Bools]) -> Bools:
-    """Return which rows repeat the one before in everything but their time."""
-    rest = {name: values for name, values in columns.items() if name != "t"}
-    if len(flagged) < 2:
-        return np.zeros(_length(columns), dtype=bool)
-    votes = np.sum(list(flagged.values()), axis=0)
-    return np.asarray(votes >= 1) & _same_rows(rest)
 
 
 def _summed(repairs: list[Repair]) -> list[Repair]:

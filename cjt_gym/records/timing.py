@@ -42,7 +42,10 @@ def ordered_rows(t: FloatArray, same: NDArray[np.bool_]) -> tuple[list[Piece], l
     """
     repairs: list[Repair] = []
     rows = _readable(t, repairs)
-    rows = _without(rows, same[rows], "repeated", "that repeat the one before", repairs)
+    if count := int(np.sum(same[rows])):
+        text = f"{counted(count, 'row')} that repeat the one before left out."
+        repairs.append(Repair("repeated", None, count, True, text))
+    rows = rows[~same[rows]]
     resets = _resets(t[rows])
     if resets:
         text = f"The clock was set back {counted(len(resets), 'time')}: the log is cut there."
@@ -74,15 +77,6 @@ def _readable(t: FloatArray, repairs: list[Repair]) -> NDArray[np.intp]:
         text = f"{counted(lost, 'row')} {why}, left out."
         repairs.append(Repair("unreadable", None, lost, True, text))
     return rows
-
-
-def _without(
-    rows: NDArray[np.intp], out: NDArray[np.bool_], kind: str, what: str, repairs: list[Repair]
-) -> NDArray[np.intp]:
-    if count := int(np.sum(out)):
-        text = f"{counted(count, 'row')} {what} left out."
-        repairs.append(Repair(kind, None, count, True, text))
-    return rows[~out]
 
 
 def _resets(t: FloatArray) -> list[int]:

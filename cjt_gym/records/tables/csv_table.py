@@ -151,14 +151,12 @@ def _check_names(path: Path, names: list[str]) -> None:
             f"got {what} {', '.join(names[:4])}. Write such a line at its top, and leave out what "
             "stands above it."
         )
-    seen = set()
-    for name in names:
-        if name in seen:
-            raise RecordError(
-                f"Every column of {path} must have a name of its own, got {name!r} twice. Rename "
-                "one of them in its first line."
-            )
-        seen.add(name)
+    if len(set(names)) < len(names):
+        name = next(name for name in names if names.count(name) > 1)
+        raise RecordError(
+            f"Every column of {path} must have a name of its own, got {name!r} twice. Rename one "
+            "of them in its first line."
+        )
 
 
 def _check_width(path: Path, names: list[str], lines: list[str]) -> None:
