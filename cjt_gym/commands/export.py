@@ -11,7 +11,6 @@ from cjt_gym.baselines.observers import OBSERVERS, make_observer
 from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.console import Answer
-from cjt_gym.console.logs import read_own
 from cjt_gym.console.options import (
     add_conditions,
     asked_effects,
@@ -25,6 +24,7 @@ from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 from cjt_gym.export.c_files import Header, controller_to_c, observer_to_c
 from cjt_gym.joint import Joint, load_joint
+from cjt_gym.records import read_record
 from cjt_gym.training.deploy.shipped import policy_names
 from cjt_gym.training.tuning.gains import choose, files_of
 
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> Answer:
     if options.to == "c" and is_classical(options.source):
         return _write_law(options)
     if options.to in FORMS:
-        records = [read_own(path) for path in options.check]
+        records = [read_record(path) for path in options.check]
         from cjt_gym.training.deploy.export import export_policy
 
         if options.to == "c":

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.console import Answer
-from cjt_gym.console.logs import read_own
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import load_joint_file
-from cjt_gym.records import Record, is_record, read_log
+from cjt_gym.records import Record, is_record, read_log, read_record
 
 SUFFIXES = (".html", ".png", ".svg", ".pdf")
 
@@ -58,7 +57,7 @@ def _pieces(word: str, mapping: str | None, n: float | None) -> list[tuple[str, 
     """Return a record as it is, or the repaired pieces of a log, with their names."""
     name = Path(word).stem
     if mapping is None and n is None and is_record(word):
-        return [(name, read_own(word))]
+        return [(name, read_record(word))]
     pieces, _ = read_log(word, mapping, n=n)
     if len(pieces) == 1:
         return [(name, pieces[0])]

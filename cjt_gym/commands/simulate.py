@@ -13,7 +13,6 @@ import numpy as np
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.baselines.table import CONTROLLER_HELP
 from cjt_gym.console import Answer
-from cjt_gym.console.logs import read_own
 from cjt_gym.console.options import (
     USUAL,
     add_conditions,
@@ -29,7 +28,7 @@ from cjt_gym.console.options import (
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load, told_load
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import Joint, load_joint
+from cjt_gym.joint import Joint, load_joint, load_joint_file
 from cjt_gym.joint.configure import plain_effects
 from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.kernel.arrays import CHANNELS, Floats
@@ -37,7 +36,8 @@ from cjt_gym.joint.kernel.current_loop import with_current_loop
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.plant.simulated import DT_PHYSICS
-from cjt_gym.records import FORMATS, Record, record_names, write_record
+from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
+from cjt_gym.records.files import gear_ratio_of
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
@@ -136,7 +136,7 @@ def _task(options: argparse.Namespace) -> Task:
     """Return what the options, and the record they may name as reference, ask for."""
     word = options.reference
     given = Path(word).suffix or word in record_names()
-    recorded = read_own(word, options.joint) if given else None
+    recorded = _recorded(word, options.joint) if given else None
     replayed = next((n for n in (*COMMANDS, CURRENT) if recorded is not None and n in recorded), "")
     tracked = recorded is None or "tau_ref" in recorded
     controller = options.controller or (NONE if replayed and not tracked else TRACKING)
@@ -159,24 +159,24 @@ def _task(options: argparse.Namespace) -> Task:
     )
 
 
+def _recorded(word: str, joint: str) -> Record:
+    """Return a record; the joint has the gear ratio where the log names none that has one."""
+    return read_record(word, n=gear_ratio_of(word) or load_joint_file(joint).gear_ratio)
+
+
 def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
     """Return the reference, or the motor torque [N m] that a record commands."""
     if task.controller == NONE:
         assert task.recorded is not None
-        return _command(task.recorded, joint, task.replayed)
+        record, p = task.recorded, joint.parameters
+        unit = 1.0 if task.replayed == "tau_cmd" else p.k_t * p.n
+        return sampled_signal(record.t, record[task.replayed] * unit)
     amplitude = options.amplitude
     if amplitude is None:
         amplitude = default_amplitude(joint.file)
     spec = options.reference if task.recorded is None else signal_from_file(options.reference)
     (signal,) = make_signals(spec, amplitude)[:1]
     return signal.reset(np.random.default_rng(options.seed))
-
-
-def _command(record: Record, joint: Joint, name: str) -> Signal:
-    """Return the motor torque [N m] of a column of a record: a torque or a current."""
-    p = joint.parameters
-    unit = 1.0 if name == "tau_cmd" else p.k_t * p.n
-    return sampled_signal(record.t, record[name] * unit)
 
 
 def simulate(

@@ -22,6 +22,7 @@ from cjt_gym.records import Record, read_record
 from cjt_gym.signals import make_signals
 
 JOINT, STRUCTURE = "orange_80_6000", "output_fixed_rigid_gearbox"
+POLICY = "quiet_residual"
 EFFECTS = {"coulomb": {}, "noise": {}, "command_delay": {"delay": 1e-3}}
 SAMPLES, DIAGNOSED = 20, 2000  # few, as compiling takes the time; a fit needs motion
 
@@ -82,21 +83,13 @@ def _environments() -> None:
 
 
 def _policies() -> None:
-    from cjt_gym.training.deploy.base import base_law
-    from cjt_gym.training.deploy.exported import Exported
-    from cjt_gym.training.deploy.network import Layer, Network
+    from cjt_gym.training.deploy.exported import load_exported
+    from cjt_gym.training.deploy.shipped import policy_path
     from cjt_gym.training.deploy.stepper import Stepper
-    from cjt_gym.training.learning.config import TrainConfig
 
-    config = TrainConfig(env={"joint": JOINT, "base_controller": "pd_feedforward"})
-    settings = gym.make("CJT/TorqueTracking-v0", joint=JOINT).unwrapped.episodes.settings  # type: ignore[attr-defined]
-    layout = settings.layout
-    size = layout.size
-    layers = (Layer(np.zeros((1, size), np.float32), np.zeros(1, np.float32), "tanh"),)
-    network = Network(layers, np.zeros(size, np.float32), np.ones(size, np.float32), 10.0)
-    policy = Exported("warm-up", config, layout, network, base_law(config, settings))
-    policy.network.act(np.zeros(size, np.float32))
-    Stepper(policy).step([0.0] * (layout.preview + 1), *[0.0] * 7)
+    policy = load_exported(policy_path(POLICY))
+    policy.network.act(np.zeros(policy.layout.size, np.float32))
+    Stepper(policy).step([0.0] * (policy.layout.preview + 1), *[0.0] * 7)
 
 
 def _diagnosis() -> None:
