@@ -10,7 +10,7 @@ import numpy as np
 
 from cjt_gym.blind.joints import Datasheet
 from cjt_gym.blind.plant import CHANNELS, Floats, Structure, World
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 
 ROUGH: Final = ("noise", "jitter", "gaps", "missing", "guess", "command_only")
 """Wrongly stated noise, sampling jitter, gaps, a channel that was not recorded, guessed inertias,
@@ -106,8 +106,8 @@ class Defects:
 def check_defects(kinds: Iterable[str]) -> tuple[str, ...]:
     """Return the names of defects in the order of DEFECTS."""
     asked = set(kinds)
-    for name in sorted(asked - set(DEFECTS)):
-        raise unknown_name("defect", name, DEFECTS)
+    for name in asked:
+        check_name("defect", name, DEFECTS)
     return tuple(name for name in DEFECTS if name in asked)
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from cjt_gym.blind.case import Case, Log
 from cjt_gym.blind.joints import Datasheet
 from cjt_gym.blind.plant import CHANNELS
 from cjt_gym.disk import Inline, to_toml
-from cjt_gym.records import default_units
+from cjt_gym.records import Record, default_units, write_record
 
 UNITS = {"I": "kg m^2", "k": "N m/rad", "d": "N m s/rad"}
 ORDER = ("I_m", "I_g", "I_l", "k_g", "k_b", "d_mg", "d_gl", "d_m", "d_g", "d_l", "n", "k_t")
@@ -32,8 +30,7 @@ def write_case(case: Case, folder: str | Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "nominal.toml").write_text(datasheet_text(case.sheet, folder.name), encoding="utf-8")
     for name, log in (("diagnose", case.diagnose), ("validate", case.validate)):
-        np.savez_compressed(folder / f"{name}.npz", **log.columns)  # type: ignore[arg-type]
-        (folder / f"{name}.toml").write_text(log_text(case, log), encoding="utf-8")
+        write_record(record_of(case, log), folder / f"{name}.npz")
     return folder
 
 
@@ -76,16 +73,15 @@ def _entry(value: float, unit: str, **known: Any) -> Inline:
     return Inline(value=float(f"{value:.6g}"), unit=unit, **known)
 
 
-def log_text(case: Case, log: Log) -> str:
-    """Return the metadata file of a record."""
-    return to_toml(
-        {
-            "dt": case.sheet.dt,
-            "joint": "nominal.toml",
-            "structure": case.structure,
-            "mode": log.mode,
-            "excitation": log.excitation,
-            "output": OUTPUTS[case.structure.startswith("output_fixed")],
-            "units": default_units(tuple(log.columns)),
-        }
+def record_of(case: Case, log: Log) -> Record:
+    """Return a record of a case."""
+    output = OUTPUTS[case.structure.startswith("output_fixed")]
+    return Record(
+        log.columns,
+        default_units(tuple(log.columns)),
+        dt=case.sheet.dt,
+        joint="nominal.toml",
+        structure=case.structure,
+        provenance={"mode": log.mode, "excitation": log.excitation, "output": output},
+        allow_nan=True,
     )

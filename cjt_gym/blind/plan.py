@@ -13,7 +13,7 @@ from cjt_gym.blind.hidden import Effect
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plant import STRUCTURES, Structure
-from cjt_gym.errors import ConfigurationError, check_name, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name, check_range
 
 SMALL: Final = 0.1
 """Strength of effects that are hard to see."""
@@ -80,16 +80,12 @@ def draw_plan(
 
 
 def _check(structure: str | None, kind: str | None, strength: float, duration: float) -> None:
-    for what, name, names in (
-        ("structure", structure, STRUCTURES),
-        ("excitation", kind, DRAWN),
-    ):
-        if name is not None and name not in names:
-            raise unknown_name(what, name, names)
-    if not 0.0 <= strength <= 3.0:
-        raise ConfigurationError(f"strength must be within 0 and 3, got {strength:g}.")
-    if not duration >= 2.0:
-        raise ConfigurationError(f"duration must be >= 2 s, got {duration:g} s.")
+    if structure is not None:
+        check_name("structure", structure, STRUCTURES)
+    if kind is not None:
+        check_name("excitation", kind, DRAWN)
+    check_range("strength", strength, low=0.0, high=3.0)
+    check_range("duration", duration, "s", low=2.0)
 
 
 def _row(name: str) -> Effect:

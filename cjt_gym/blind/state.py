@@ -28,13 +28,12 @@ SIZE: Final = 25
 def initial_state(world: World) -> Floats:
     """Return the state at the first sample, shape (SIZE,): at rest by default.
 
-    `world.start` may hold "q" [rad], "v" [rad/s] of all bodies, "twist" [rad], a lead of motor and
-    gear over the load, and "wind" [rad], a lead of the motor over the gear.
+    `world.start` may hold "v" [rad/s] of all bodies, "twist" [rad], a lead of motor and gear over
+    the load, and "wind" [rad], a lead of the motor over the gear.
     """
     x = np.zeros(SIZE)
     start = world.start
     twist = start.get("twist", 0.0) if world.structure.bar_is_soft else 0.0
-    x[Q : Q + 4] = start.get("q", 0.0)
     x[Q : Q + 2] += twist
     x[Q] += start.get("wind", 0.0) if world.structure.gear_is_soft else 0.0
     if not world.structure.is_locked:

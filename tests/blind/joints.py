@@ -9,6 +9,7 @@ import numpy as np
 from cjt_gym.blind import Case, draw_case
 from cjt_gym.blind.plant import STRUCTURES, Drive, Floats, Plant, World
 
+LOCKED = "output_fixed_rigid_gearbox"
 PLANT = Plant(
     I_m=0.23,
     I_g=0.0717,
@@ -42,7 +43,8 @@ def short(
     seed: int = 4,
     effect: str = "coulomb",
     strength: float = 1.0,
-    structure: str = "output_fixed_rigid_gearbox",
+    structure: str = LOCKED,
+    defects: tuple[str, ...] = (),
 ) -> Case:
     """Return a case of two seconds with one effect, in an open loop."""
     return draw_case(
@@ -53,4 +55,5 @@ def short(
         closed_loop=False,
         strength=strength,
         duration=2.0,
+        defects=defects,
     )

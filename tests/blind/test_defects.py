@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,31 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cjt_gym.blind import Case, draw_case, write_case
+from cjt_gym.blind import draw_case, write_case
 from cjt_gym.blind.defects import GUESS, LOST, NOISE, Defects, draw_defects, not_counted
 from cjt_gym.blind.joints import draw_joint
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES
 from cjt_gym.errors import UnknownNameError
 from cjt_gym.joint.files.joint_file import load_joint_file
 from cjt_gym.records import read_record
+from tests.blind.joints import LOCKED, short
 
 DT = 1e-3
-LOCKED = "output_fixed_rigid_gearbox"
 WORLD, SHEET = draw_joint(STRUCTURES[LOCKED], np.random.default_rng(4))
 TOGETHER = ("noise", "jitter", "gaps", "missing", "guess")
-
-
-@functools.cache
-def case(*defects: str, effect: str = "coulomb", seed: int = 4) -> Case:
-    return draw_case(
-        seed,
-        effects=[effect],
-        structure=LOCKED,
-        excitation="composite",
-        closed_loop=False,
-        duration=2.0,
-        defects=defects,
-    )
 
 
 def drawn(kind: str, seeds: int = 20, structure: str = LOCKED) -> list[Defects]:
@@ -44,7 +30,7 @@ def drawn(kind: str, seeds: int = 20, structure: str = LOCKED) -> list[Defects]:
 
 
 def test_without_defects_all_is_as_stated() -> None:
-    clean = case()
+    clean = short()
     assert clean.label["defects"] == {}
     assert clean.label["not_counted"] == []
     assert clean.sheet.noise == clean.world.noise
@@ -128,7 +114,7 @@ def test_files_tell_of_the_defects_what_a_user_would_know(
     kinds: tuple[str, ...], tmp_path: Path
 ) -> None:
     """The joint file has the stated noise and marks guesses; the log lacks what is lost."""
-    rough = case(*kinds)
+    rough = short(defects=kinds)
     folder = write_case(rough, tmp_path / "case")
     told: dict[str, Any] = rough.label["defects"]
     assert tuple(told) == kinds
@@ -148,7 +134,8 @@ def test_a_bare_datasheet_states_values_and_nothing_of_how_well_they_are_known(
     tmp_path: Path,
 ) -> None:
     plain, bare = (
-        write_case(case(*kinds), tmp_path / f"case_{len(kinds)}") for kinds in ((), ("bare",))
+        write_case(short(defects=kinds), tmp_path / f"case_{len(kinds)}")
+        for kinds in ((), ("bare",))
     )
     full, told = (load_joint_file(folder / "nominal.toml") for folder in (plain, bare))
     assert full.sensors
@@ -165,7 +152,7 @@ def test_jitter_is_that_of_the_instants() -> None:
     stds = [flaws.jitter for flaws in drawn("jitter")]
     assert all(std is not None and 0.02 * DT <= std <= 0.14 * DT for std in stds)
     for seed in (4, 5):
-        rough = case(*TOGETHER, seed=seed)
+        rough = short(seed, defects=TOGETHER)
         told = rough.label["defects"]["jitter"]
         assert rough.world.jitter == told["std"] > rough.sheet.jitter
         t = rough.diagnose.columns["t"]
@@ -175,7 +162,7 @@ def test_jitter_is_that_of_the_instants() -> None:
 
 
 def test_defects_leave_joint_and_effects_alone() -> None:
-    plain, rough = case(), case("command_only")
+    plain, rough = short(), short(defects=("command_only",))
     for name, values in rough.diagnose.columns.items():
         np.testing.assert_array_equal(values, plain.diagnose.columns[name])
     assert rough.label["parameters"] == plain.label["parameters"]
@@ -184,7 +171,8 @@ def test_defects_leave_joint_and_effects_alone() -> None:
 @pytest.mark.slow
 def test_what_is_not_recorded_or_only_guessed_is_harder_to_see() -> None:
     def seen(effect: str, *defects: str) -> float:
-        return float(case(*defects, effect=effect, seed=5).label["signature"][effect.split(":")[0]])
+        label = short(5, effect, defects=defects).label
+        return float(label["signature"][effect.split(":")[0]])
 
     assert seen("torque_bias", "command_only") < 0.1
     assert seen("inertia", "guess") < 0.5 * seen("inertia")
