@@ -38,17 +38,12 @@ def parsing(what: str, error: type[CjtGymError], remedy: str = "") -> Iterator[N
 
 def parsed_each(items: Iterable[Item], what: str, error: type[CjtGymError]) -> Iterator[Item]:
     """Yield items that a foreign parser makes one by one; see `parsing`."""
-    iterator = iter(items)
-    while True:
-        try:
-            item = next(iterator)
-        except StopIteration:
-            return
-        except CjtGymError:
-            raise
-        except Exception as reason:
-            raise error(f"{what}: {reason_of(reason)}.") from reason
-        yield item
+    try:
+        yield from items  # what is raised where they are used does not come here
+    except CjtGymError:
+        raise
+    except Exception as reason:
+        raise error(f"{what}: {reason_of(reason)}.") from reason
 
 
 def reason_of(reason: BaseException) -> str:

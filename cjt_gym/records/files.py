@@ -103,7 +103,8 @@ def gear_ratio_of(path_or_name: str | Path, mapping: MappingLike | None = None) 
     joint = joint_of(path_or_name, mapping)
     if joint is None:
         return None
-    path = Path(joint) if Path(joint).suffix else _joints() / f"{joint}.toml"
+    shipped = Path(str(resources.files("cjt_gym.params")))
+    path = Path(joint) if Path(joint).suffix else shipped / f"{joint}.toml"
     if path.suffix != ".toml" or not path.is_file():
         return None
     try:
@@ -185,10 +186,6 @@ def record_names() -> tuple[str, ...]:
             if entry.name.endswith(".npz")
         )
     )
-
-
-def _joints() -> Path:
-    return Path(str(resources.files("cjt_gym.params")))
 
 
 def _shipped() -> Path:
