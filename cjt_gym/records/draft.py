@@ -48,6 +48,8 @@ MOTOR: Final = "m motor rotor"
 OUTSIDE: Final = "load ext external"
 OTHERS: Final = "gravity hall pid gain"
 """Words of what is computed, or measured for something else."""
+OTHER_SIDE: Final = {"q_m": "q_l", "dq_m": "dq_l"}
+"""What the second of two equal sensors measures: the other side of a spring."""
 SIDED: Final = ("q_m", "dq_m", "tau_m", "tau_cmd")
 
 
@@ -62,6 +64,8 @@ def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
     rest: list[str] = []
     for name, values in table.items():
         column = guess(name) if _has_numbers(values) else None
+        if column in OTHER_SIDE and _is_second(name, guesses.get(column, "")):
+            column = OTHER_SIDE[column]
         if column is None or column in guesses:
             rest.append(f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {_quoted(name)}\n")
         else:
@@ -100,6 +104,12 @@ def guess(name: str) -> str | None:
     if commanded or reference:
         return "q_ref" if kind == "q" else None
     return kind + ("_l" if _any(LOAD, words) else "_g" if _any(GEAR, words) else "_m")
+
+
+def _is_second(name: str, first: str) -> bool:
+    """Return whether two names differ by their numbers alone, as Encoder 1 and Encoder 2."""
+    plain = (re.sub(r"\d+", "", one) for one in (name, first))
+    return len(set(plain)) == 1 and name != first
 
 
 def _words(name: str) -> set[str]:

@@ -343,12 +343,14 @@ def test_a_draft_asks_for_the_unit_of_times_that_their_name_makes_too_short() ->
         assert told in draft("log.csv", {"timestamp(ms)": factor * seconds})
 
 
-def test_of_two_names_for_a_column_the_first_counts() -> None:
-    names = ("Encoder 1 [counts]", "Motor position")
+def test_the_second_of_two_equal_sensors_is_on_the_other_side_of_the_spring() -> None:
+    names = ("Encoder 1 [counts]", "Encoder 2 [counts]", "Encoder 3 [counts]", "Motor position")
     text = draft("log.csv", {name: np.array([0.0, 1.0]) for name in names})
-    first, second = (text.split(name)[0].splitlines()[-2] for name in names)
-    assert first.startswith("[columns.q_m]")
-    assert second.startswith("# [columns.?]")
+    first, second, third, fourth = (text.split(name)[0].splitlines()[-2:] for name in names)
+    assert first[0].startswith("[columns.q_m]")
+    assert second[0].startswith("[columns.q_l]")
+    assert third[0].startswith("# [columns.?]")
+    assert fourth[0].startswith("# [columns.?]")
 
 
 @pytest.mark.parametrize(
