@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 
@@ -32,7 +32,6 @@ class CanPlant:
         config: HardwareConfig,
         link: Link | None = None,
         record: str | Path | None = None,
-        **facts: Any,
     ) -> None:
         """Prepare without touching the bus.
 
@@ -40,12 +39,10 @@ class CanPlant:
             config: Configuration of the joint.
             link: Connection to the bus; python-can's bus as configured by default.
             record: File for the record of the run, or None.
-            **facts: Further entries of the record's provenance.
         """
         self.config = config
         self.whole = CanArm([config], link, record)
         (self.joint,) = self.whole.joints
-        self.joint.record.know(**facts)
 
     @property
     def dt(self) -> float:

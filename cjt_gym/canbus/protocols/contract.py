@@ -25,8 +25,6 @@ from typing import Any, Final
 
 from can import Message as Message
 
-from cjt_gym.errors import ConfigurationError, check_range
-
 CHANNELS: Final = {
     "q_m": ("rad", "angle of the motor"),
     "dq_m": ("rad/s", "velocity of the motor"),
@@ -119,23 +117,12 @@ class Scaling:
         offset: The drive's reading at zero angle [rad, drive's shaft].
         torque_constant: Torque at the drive's shaft per ampere [N m/A], for protocols that know
             currents only; otherwise None.
-
-    Raises:
-        ConfigurationError: A value is out of its range.
     """
 
     gear_ratio: float = 1.0
     sign: int = 1
     offset: float = 0.0
     torque_constant: float | None = None
-
-    def __post_init__(self) -> None:
-        check_range("gear_ratio", self.gear_ratio, above=0.0)
-        if self.sign not in (1, -1):
-            raise ConfigurationError(f"sign must be 1 or -1, got {self.sign}.")
-        check_range("offset", self.offset, "rad")
-        if self.torque_constant is not None:
-            check_range("torque_constant", self.torque_constant, "N m/A", above=0.0)
 
     def angle(self, of_drive: float) -> float:
         """Return the link-side angle [rad] of an angle of the drive's shaft [rad]."""
@@ -170,8 +157,6 @@ class Limits:
         tau_m: Torque to which it clips commands [N m].
         dq_m: Speed [rad/s].
         temperature: Of motor or power stage [degC].
-        v_low: Lowest supply voltage [V].
-        v_high: Highest supply voltage [V].
         watchdog: Watchdog time stored in the drive with its maker's tool [s]; 0 is the factory
             setting, which for most drives is off.
     """
@@ -179,8 +164,6 @@ class Limits:
     tau_m: float = inf
     dq_m: float = inf
     temperature: float = inf
-    v_low: float = -inf
-    v_high: float = inf
     watchdog: float = 0.0
 
 

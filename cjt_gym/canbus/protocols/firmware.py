@@ -128,11 +128,6 @@ class Firmware(ABC):
             self.fail(Fault.OVER_SPEED)
         if channels.get("temperature", 0.0) > limits.temperature:
             self.fail(Fault.OVER_TEMPERATURE)
-        if (volts := channels.get("v_bus")) is not None:
-            if volts > limits.v_high:
-                self.fail(Fault.OVER_VOLTAGE)
-            elif volts < limits.v_low:
-                self.fail(Fault.UNDER_VOLTAGE)
 
 
 class Cycles:

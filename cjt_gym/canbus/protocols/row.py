@@ -120,9 +120,11 @@ def settings_of(
     }
     if protocol.check is not None:
         protocol.check(options)
+    if (sign := drive.get("sign", 1)) not in (1, -1):
+        raise ConfigurationError(f"sign of {owner} must be 1 or -1, got {sign!r}.")
     scaling = Scaling(
         gear_ratio=given.number("gear_ratio", "", default=n if protocol.side == "motor" else 1.0),
-        sign=drive.get("sign", 1),
+        sign=sign,
         offset=given.number("offset", "rad", above=-inf, default=0.0),
         torque_constant=given.number("torque_constant", "N m/A", default=None),
     )
