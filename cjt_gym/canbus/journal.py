@@ -102,8 +102,7 @@ class Journal:
     @property
     def rows(self) -> int:
         """Rows written so far."""
-        if self._file >= 0:
-            self._count()
+        self._count()
         return self._rows
 
     def _count(self) -> None:
@@ -125,24 +124,18 @@ class Journal:
         """Remove the files of a record that could not be started."""
         if self._file >= 0:
             os.close(self._file)
-            self._file = -1
             self.path.unlink(missing_ok=True)
 
-    def close(self, **known: Any) -> Path | None:
-        """End the record.
+    def close(self, **known: Any) -> None:
+        """End the record; one without a row leaves no file.
 
         Args:
             **known: Further entries of its provenance, such as the fault that ended it.
-
-        Returns:
-            The record's file, or None if nothing was recorded. A second call has no effect.
 
         Raises:
             OSError: The final metadata or the converted file does not fit on the disk; the CSV file
                 and the initial metadata remain.
         """
-        if self._file < 0:
-            return self.path if self.rows else None
         rows, file, self._file = self.rows, self._file, -1
         if self._watcher is not None:
             self._watcher.end(known)
@@ -154,14 +147,11 @@ class Journal:
         if not rows:
             self.path.unlink()
             self._beside.unlink()
-            return None
+            return
         self._describe(known)
-        if self.wanted.suffix.lower() == SUFFIX:
-            return self.path
-        record = read_record(self.path, allow_nan=True)
-        written = write_record(record, self.wanted)
-        self.path.unlink()
-        return written
+        if self.wanted.suffix.lower() != SUFFIX:
+            write_record(read_record(self.path, allow_nan=True), self.wanted)
+            self.path.unlink()
 
     def _describe(self, known: Mapping[str, Any]) -> None:
         """Write the metadata beside the table, whole or not at all."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, final
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.journal import Journal, Watcher, refuse_taken
+from cjt_gym.canbus.journal import SUFFIX, Journal, Watcher, refuse_taken
 from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError
@@ -39,14 +39,13 @@ class RunRecord:
 
     Attributes:
         path: Its file.
-        rows_path: File that holds its rows until it is complete.
     """
 
     def __init__(
         self, path: str | Path, joints: int, dt: float, watcher: Watcher | None = None
     ) -> None:
         """Prepare the record; the file is created when the last joint starts."""
-        self.path = self.rows_path = Path(path)
+        self.path = Path(path)
         refuse_taken(self.path)
         self._joints, self._dt, self._watcher = joints, dt, watcher
         self._parts: list[JointRecord] = []
@@ -60,7 +59,6 @@ class RunRecord:
             columns = ["t", *(self._named(p, name) for p in self._parts for name in p.columns)]
             known = part.known if self._joints == 1 else self._known()
             self._journal = Journal(self.path, columns, self._dt, known, self._watcher)
-            self.path, self.rows_path = self._journal.wanted, self._journal.path
 
     def _named(self, part: JointRecord, name: str) -> str:
         return name if self._joints == 1 else f"{part.name}{JOINT_MARK}{name}"
@@ -213,5 +211,5 @@ class JointRecord:
         except OSError as error:
             raise HardwareError(
                 f"The record {record.path} could not be completed: {error}. Its rows are there, "
-                f"as far as they were written, in {record.rows_path}."
+                f"as far as they were written, in {record.path.with_suffix(SUFFIX)}."
             ) from error
