@@ -17,13 +17,6 @@ def controller_header(
     adds, renders = law.addition is not NOTHING, law.stiffness > 0.0 or law.damping > 0.0
     back = adds and law.linear.g.any()
     impedance = {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)}
-    tables = {
-        "a": law.linear.a,
-        "b": law.linear.b,
-        "c": law.linear.c,
-        "d": law.linear.d,
-        "rest": law.linear.at_rest(),
-    } | ({"back": law.linear.g} if back else {})
     values = {
         "GAINS": ", ".join(f"{key} = {value:.6g}" for key, value in gains.items()) or "none",
         "LIMIT": number(law.limit),
@@ -37,23 +30,17 @@ def controller_header(
         "BACK": " - @NAME@_back[i] * added" if back else "",
         "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if renders else "",
     }
-    common = common_values(identifier(prefix), title, joint, law.linear.dt, tables)
+    more = {"back": law.linear.g} if back else {}
+    common = common_values(identifier(prefix), title, joint, law.linear, **more)
     return filled(CONTROLLER, values | common)
 
 
 def observer_header(observer: LinearObserver, prefix: str, title: str, joint: str) -> str:
     """Return the text of the header."""
     name = identifier(prefix)
-    tables = {
-        "a": observer.a,
-        "b": observer.b,
-        "c": observer.c,
-        "d": observer.d,
-        "rest": observer.at_rest(),
-    }
     places = [identifier(f"{name}_{one}".upper()) for one in observer.names]
     values = {"PLACES": ", ".join(places), "ESTIMATES": str(len(observer.names))}
-    return filled(OBSERVER, values | common_values(name, title, joint, observer.dt, tables))
+    return filled(OBSERVER, values | common_values(name, title, joint, observer))
 
 
 RENDER: Final = """\

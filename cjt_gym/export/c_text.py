@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines.linear_law import INPUTS, MEASURED, SIGNALS
+from cjt_gym.baselines.linear_law import INPUTS, MEASURED, SIGNALS, LinearLaw
+from cjt_gym.baselines.observers import LinearObserver
 
 PER_LINE = 4
 VALUES = ", ".join(MEASURED)
@@ -84,14 +85,15 @@ EVERYWHERE = {
 
 
 def common_values(
-    name: str, title: str, joint: str, dt: float, tables: Mapping[str, NDArray[Any]]
+    name: str, title: str, joint: str, law: LinearLaw | LinearObserver, **more: NDArray[Any]
 ) -> dict[str, str]:
     """Return what the templates of all linear laws are told: names, sizes and arrays."""
-    kind, order = f"{name.upper()}_REAL", len(tables["a"])
+    kind, order = f"{name.upper()}_REAL", len(law.a)
+    tables = {"a": law.a, "b": law.b, "c": law.c, "d": law.d, "rest": law.at_rest(), **more}
     return {
         "TITLE": comment(title),
         "JOINT": comment(joint),
-        "DT": number(dt),
+        "DT": number(law.dt),
         "ARRAYS": "\n".join(array(kind, f"{name}_{key}", table) for key, table in tables.items()),
         "STATES": str(max(order, 1)),
         "ORDER": str(order),
