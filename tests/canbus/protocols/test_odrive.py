@@ -32,22 +32,6 @@ every_message = pytest.mark.parametrize("name", MESSAGES)
 
 
 @every_message
-def test_every_field_lies_where_the_dbc_has_it(name: str) -> None:
-    signals = {signal.name: signal for signal in message_of(name).signals}
-    shift = 0
-    for field in MESSAGES[name].layout.fields:
-        if field.name:
-            signal = signals[field.name]
-            assert (signal.start, signal.length) == (shift, field.bits)
-            assert (signal.is_float, signal.is_signed) == (
-                field.kind == "float",
-                field.kind == "int",
-            )
-            assert (signal.scale, signal.offset) == (field.scale, field.offset)
-        shift += field.bits
-
-
-@every_message
 @given(data=st.binary(min_size=8, max_size=8))
 def test_both_read_the_same_values(name: str, data: bytes) -> None:
     row = MESSAGES[name]
