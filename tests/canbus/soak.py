@@ -3,11 +3,9 @@
     python -m tests.canbus.soak --seconds 3600 --rate 1000 --priority 40
 
 The emulator serves socketcand on this machine; the loop runs PD control of a smooth reference and
-writes its record. A fault ends a run; the next one begins, and its kind is counted. Beside the
-percentiles stand the worst seconds, with the time that the host of a virtual machine took from it
-in each (steal) and how busy its processors were. Witnesses (`tests.canbus.witness`) tell how long
-each processor stood still for everybody: a fault within such a stall is the machine's, any other is
-ours, and only the latter make the soak fail.
+writes its record. A fault ends a run; the next one begins, and its kind is counted. Witnesses
+(`tests.canbus.witness`) tell how long each processor stood still for everybody: a fault within such
+a stall is the machine's, any other is ours, and only the latter make the soak fail.
 """
 
 from __future__ import annotations
@@ -20,7 +18,6 @@ import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -47,9 +44,6 @@ MAIN = "import sys; from cjt_gym.cli import main; sys.exit(main())"
 AMPLITUDE = 10.0
 PIECE = 10.0
 """Length of the reference, which is repeated [s]."""
-WORST = 5
-"""Seconds that are shown one by one."""
-STAT = Path("/proc/stat")
 AROUND_FAULT = 0.1
 """How far a stall of the machine may be from the step that ended in a fault to be its cause [s]."""
 SHARE = 0.75
@@ -85,84 +79,6 @@ def emulator(path: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
 
 
 @dataclass
-class Machine:
-    """What the processors did, looked at once per second; nothing where the system cannot say.
-
-    Attributes:
-        looks: Time [s], busy, idle and stolen time of all processors since they started [s].
-    """
-
-    looks: list[tuple[float, float, float, float]] = field(default_factory=list)
-
-    @contextmanager
-    def watched(self) -> Iterator[None]:
-        """Look while the code within runs."""
-        stopped = threading.Event()
-
-        def look() -> None:
-            while True:
-                self._look()
-                if stopped.wait(1.0):
-                    return
-
-        thread = threading.Thread(target=look, name="machine", daemon=True)
-        if STAT.exists():
-            thread.start()
-        try:
-            yield
-        finally:
-            stopped.set()
-            if thread.is_alive():
-                thread.join()
-            self._look()
-
-    def _look(self) -> None:
-        if STAT.exists():
-            now, words = time.perf_counter(), STAT.read_text().split("\n", 1)[0].split()[1:9]
-            user, nice, system, idle, waiting, *interrupts, steal = (
-                int(word) / os.sysconf("SC_CLK_TCK") for word in words
-            )
-            busy = user + nice + system + sum(interrupts)
-            self.looks.append((now, busy, idle + waiting, steal))
-
-    def shares(self) -> dict[str, float]:
-        """Return the shares of the processors' time that were busy and stolen."""
-        if len(self.looks) < 2:
-            return {}
-        _, busy, idle, steal = np.subtract(self.looks[-1], self.looks[0])
-        total = max(busy + idle + steal, 1e-9)
-        return {"busy": round(busy / total, 4), "steal": round(steal / total, 4)}
-
-    def at(self, t: float) -> dict[str, float]:
-        """Return what the processors did in the second of a time [s]."""
-        looks = np.array(self.looks)
-        if len(looks) < 2:
-            return {}
-        k = int(np.clip(np.searchsorted(looks[:, 0], t) - 1, 0, len(looks) - 2))
-        _, busy, idle, steal = looks[k + 1] - looks[k]
-        return {
-            "second": round(float(looks[k, 0] - looks[0, 0]), 1),
-            "steal_ms": round(float(steal) * 1e3),
-            "busy": round(float(busy / max(busy + idle + steal, 1e-9)), 3),
-        }
-
-    def worst(
-        self, times: NDArray[np.float64], lateness: NDArray[np.float64]
-    ) -> list[dict[str, float]]:
-        """Return the seconds with the latest commands, the latest first."""
-        looks = np.array(self.looks)
-        if len(looks) < 2:
-            return []
-        at = np.clip(np.searchsorted(looks[:, 0], times) - 1, 0, len(looks) - 2)
-        most = np.zeros(len(looks) - 1)
-        np.maximum.at(most, at, lateness)
-        return [
-            {"latest_us": round(float(most[k]) * 1e6, 1), **self.at(looks[k + 1, 0])}
-            for k in np.argsort(most)[::-1][:WORST]
-        ]
-
-
-@dataclass
 class Tally:
     """What came of all runs of a soak.
 
@@ -172,7 +88,7 @@ class Tally:
         zeros: Faults that ended a run.
         squares: Sum of the squared tracking errors [N^2 m^2].
         faults: When and why runs ended before their time [s].
-        times: Times of every control step, by name [s]; "at" is its deadline.
+        times: Times of every control step, by name [s].
     """
 
     steps: int = 0
@@ -182,10 +98,9 @@ class Tally:
     faults: list[tuple[float, str]] = field(default_factory=list)
     times: dict[str, list[NDArray[np.float64]]] = field(default_factory=dict)
 
-    def add(self, began: float, plant: CanPlant, record: Path) -> None:
+    def add(self, plant: CanPlant, record: Path) -> None:
         """Add a run that has ended."""
         given = {name: np.array(values) for name, values in vars(plant.joint.timing).items()}
-        given["at"] = began + plant.dt * np.arange(len(given["lateness"]))
         for name, values in given.items():
             self.times.setdefault(name, []).append(values)
         self.steps += len(given["lateness"])
@@ -214,16 +129,15 @@ def soak(
     """
     (signal,) = make_signals("smooth", AMPLITUDE)
     reference = signal.torque(np.arange(round(PIECE / given.dt)) * given.dt)
-    tally, machine, witnesses = Tally(), Machine(), Witnesses()
+    tally, witnesses = Tally(), Witnesses()
     law = _warm_up(given, controller, reference)
     above = None if given.priority is None else min(given.priority + 1, 99)
     seen_on = sorted(_processors(os.getpid()) | _processors(served_by))
     end = time.monotonic() + seconds
     used = np.array([cpu_time(os.getpid()), cpu_time(served_by)])
-    with machine.watched(), witnesses.watching(folder, seen_on, above):
+    with witnesses.watching(folder, seen_on, above):
         while time.monotonic() < end:
-            record, began = folder / "soak.csv", time.perf_counter()
-            seen = began
+            record, seen = folder / "soak.csv", time.perf_counter()
             plant = CanPlant(given, record=record)
             try:
                 with plant:
@@ -231,7 +145,7 @@ def soak(
                     plant.arm()
                     measured = plant.reset()
                     law.reset()
-                    k, began = 0, time.perf_counter()
+                    k = 0
                     while time.monotonic() < end:
                         seen = time.perf_counter()
                         wanted = reference[k % len(reference) :][:1]
@@ -242,9 +156,9 @@ def soak(
             except HardwareError as error:
                 tally.faults.append((seen, str(error)))  # closing takes some time, too
                 tally.zeros += isinstance(error, HardwareFault)
-            tally.add(began, plant, record)
+            tally.add(plant, record)
         used = (np.array([cpu_time(os.getpid()), cpu_time(served_by)]) - used) / seconds
-    faults = [_fault(t, text, given.overrun, machine, witnesses) for t, text in tally.faults]
+    faults = [_fault(t, text, given.overrun, witnesses) for t, text in tally.faults]
     return {
         "seconds": seconds,
         "rate_hz": round(1.0 / given.dt),
@@ -259,19 +173,15 @@ def soak(
         "stalls_ms": [round(1e3 * (b - a), 1) for a, b in witnesses.stalls],
         "cpu_of_loop": round(float(used[0]), 3),
         "cpu_of_emulator": round(float(used[1]), 3),
-        "machine": machine.shares(),
         **{f"{name}_us": _percentiles(tally.of(name)) for name in ("lateness", "ages", "answers")},
-        "worst_seconds": machine.worst(tally.of("at"), tally.of("lateness")),
     }
 
 
-def _fault(
-    t: float, text: str, allowance: float, machine: Machine, witnesses: Witnesses
-) -> dict[str, Any]:
+def _fault(t: float, text: str, allowance: float, witnesses: Witnesses) -> dict[str, Any]:
     """Return when and why a run ended, and how long the machine stood still about then."""
     stall = witnesses.longest(t - AROUND_FAULT, t + AROUND_FAULT)
-    seen = {"stall_ms": round(1e3 * stall, 1), "of_the_machine": stall > SHARE * allowance}
-    return {"text": text, **machine.at(t), **seen}
+    of_the_machine = stall > SHARE * allowance
+    return {"text": text, "stall_ms": round(1e3 * stall, 1), "of_the_machine": of_the_machine}
 
 
 def _warm_up(given: HardwareConfig, controller: str, reference: NDArray[np.float64]) -> Controller:

@@ -12,10 +12,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from tests.canbus.soak import Machine, soaked
+from tests.canbus.soak import soaked
 from tests.canbus.witness import Witnesses
 
 
@@ -36,7 +35,6 @@ def test_short_soak_is_complete_and_tells_how_late_it_was() -> None:
         if result["steps"] > 10:
             break
     check(result)
-    assert result["worst_seconds"][0]["latest_us"] <= result["lateness_us"]["p100"] + 0.1
 
 
 @pytest.mark.slow
@@ -44,14 +42,6 @@ def test_soak_of_a_minute_at_a_kilohertz() -> None:
     result = soaked(60.0, rate=1000.0, allowance=0.5, controller="open_loop")
     check(result)
     assert result["faults"] == []
-
-
-def test_worst_seconds_come_with_what_the_machine_did() -> None:
-    machine = Machine([(float(t), 1.6 * t, 0.4 * t, 0.1 * (t > 1)) for t in range(4)])
-    late = machine.worst(np.array([0.5, 1.5, 2.5, 2.6]), np.array([1e-3, 5e-3, 2e-3, 3e-3]))
-    assert [row["second"] for row in late] == [1.0, 2.0, 0.0]
-    assert late[0] == {"second": 1.0, "latest_us": 5000.0, "steal_ms": 100, "busy": 0.762}
-    assert machine.shares() == {"busy": 0.7869, "steal": 0.0164}
 
 
 def test_witnesses_see_a_processor_that_stands_still_and_nothing_else(tmp_path: Path) -> None:
