@@ -10,7 +10,6 @@ whether the record on disk had every sample up to then.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import tempfile
@@ -349,14 +348,11 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--protocols", nargs="+", default=list(DRIVES))
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     outcomes = campaign(options.faults, options.seed, tuple(options.protocols))
     rows = table(outcomes)
     misses = sum(row["misses"] for row in rows)
-    lines = [json.dumps(rows, indent=1)] if options.json else [*_lines(rows)]
-    if not options.json:
-        lines.append(f"{len(outcomes)} faults, {misses} misses (time is told to {TICK} s)")
+    lines = [*_lines(rows), f"{len(outcomes)} faults, {misses} misses (time is told to {TICK} s)"]
     sys.stdout.write("\n".join(lines) + "\n")
     return 1 if misses else 0
 

@@ -26,6 +26,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
+from math import inf
 from pathlib import Path
 from typing import Any, Final
 
@@ -131,19 +132,14 @@ class _Reader:
         check_name(f"signal in {place}", signal, signals)
         return message, signal
 
-    def table(self, given: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    def table(self, given: Mapping[str, Any], name: str) -> Section:
         """Return a table of [can]."""
-        return Section(given.get(name, {}), f"{name} of {self.path}").table
+        return Section(given.get(name, {}), f"{name} of {self.path}")
 
     def phase(self, given: Mapping[str, Any], name: str) -> Mapping[Signal, float]:
         """Return the signals set in a phase."""
-        table = self.table(given, name)
-        for source, value in table.items():
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ConfigurationError(
-                    f"{source} in {name} of {self.path} must be a number, got {value!r}."
-                )
-        return {self.signal(source, name): value for source, value in table.items()}
+        phase = self.table(given, name)
+        return {self.signal(key, name): phase.number(key, "", above=-inf) for key in phase.table}
 
 
 def _checked(
@@ -170,7 +166,7 @@ def _checked(
         raise ConfigurationError(
             f"{reader.path} must map at least one of {', '.join(CHANNELS)} to a signal."
         )
-    state = reader.table(given, "state")
+    state = reader.table(given, "state").table
     return DbcMapping(
         database=reader.database,
         channels=channels,
@@ -180,7 +176,7 @@ def _checked(
         state=reader.signal(state.get("source"), "state.source") if state else None,
         modes=_modes(reader.path, state),
         error=reader.signal(given["error"], "error") if "error" in given else None,
-        cycles=_cycles(reader, reader.table(given, "cycle_ms")),
+        cycles=_cycles(reader, given.get("cycle_ms", {})),
     )
 
 
@@ -198,8 +194,8 @@ def _modes(path: Path, state: Mapping[str, Any]) -> Mapping[Mode, tuple[int, ...
     return made
 
 
-def _cycles(reader: _Reader, given: Mapping[str, Any]) -> Mapping[str, float]:
+def _cycles(reader: _Reader, given: object) -> Mapping[str, float]:
     known = {each.name: each.cycle_time for each in reader.database.messages}
     table = Section(given, f"cycle_ms of {reader.path}", known)
-    known |= {name: table.number(name, "ms") for name in given}
+    known |= {name: table.number(name, "ms") for name in table.table}
     return {name: ms * 1e-3 for name, ms in known.items() if ms}
