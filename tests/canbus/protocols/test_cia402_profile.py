@@ -22,7 +22,6 @@ class Slave:
     """A drive with the names of pysoem's slave: SDOs on a dictionary, process data as bytes."""
 
     def __init__(self, profile: Profile) -> None:
-        self.output = self.input = b""
         self.objects = {key: bytes(row.field.bits // 8) for key, row in OBJECTS.items()}
         self.objects[0x1000, 0] = (0x00020192).to_bytes(4, "little")
         self.objects[0x608F, 1] = profile.increments.to_bytes(4, "little")
@@ -36,37 +35,28 @@ class Slave:
     def sdo_read(self, index: int, subindex: int) -> bytes:
         return self.objects[index, subindex]
 
-
-class Bus:
-    """The process data of one slave, with the names of pysoem's master."""
-
-    def __init__(self, slave: Slave) -> None:
-        self.slaves = [slave]
-
-    def send_processdata(self) -> None:
-        self.sent = PDOS[0].layout.decode(self.slaves[0].output)
-
-    def receive_processdata(self) -> None:
-        state = SHOWN[int(self.sent["Controlword"])]
-        torque = self.sent["Target torque"] if state == State.ENABLED else 0.0
+    def exchange(self) -> None:
+        """Take the output and set the input, as a cycle of the bus does."""
+        sent = PDOS[0].layout.decode(self.output)
+        state = SHOWN[int(sent["Controlword"])]
+        torque = sent["Target torque"] if state == State.ENABLED else 0.0
         first = {"Statusword": state, "Position": 1000, "Torque": torque}
         values = (first, {"Velocity": 0, "Current": 0, "Error code": 0}, {"DC link voltage": 48e3})
         pairs = zip(PDOS[1:], values, strict=True)
-        self.slaves[0].input = b"".join(pdo.layout.encode(row) for pdo, row in pairs)
+        self.input = b"".join(pdo.layout.encode(row) for pdo, row in pairs)
 
 
 class Coe:
     """What carries the profile on EtherCAT: all of it that is not the profile's own."""
 
-    def __init__(self, bus: Bus, settings: Settings) -> None:
-        self.bus, self.profile, self.scaling = bus, Profile(settings), settings.scaling
+    def __init__(self, slave: Slave, settings: Settings) -> None:
+        self.slave, self.profile, self.scaling = slave, Profile(settings), settings.scaling
 
     def access(self, one: Access) -> None:
-        slave = self.bus.slaves[0]
         if one.value is None:
-            assert one.accepts(slave.sdo_read(*one.key))
+            assert one.accepts(self.slave.sdo_read(*one.key))
         else:
-            slave.sdo_write(*one.key, one.data)
+            self.slave.sdo_write(*one.key, one.data)
 
     def configure(self) -> None:
         maps = [access for pdo in PDOS for access in self.profile.mapping(pdo)]
@@ -74,11 +64,9 @@ class Coe:
             self.access(one)
 
     def cycle(self, word: int, tau_m: float = 0.0) -> dict[str, float]:
-        slave = self.bus.slaves[0]
-        slave.output = self.profile.outputs(word, self.scaling.drive_torque(tau_m))
-        self.bus.send_processdata()
-        self.bus.receive_processdata()
-        values, rest = {}, slave.input
+        self.slave.output = self.profile.outputs(word, self.scaling.drive_torque(tau_m))
+        self.slave.exchange()
+        values, rest = {}, self.slave.input
         for pdo in PDOS[1:]:
             values |= pdo.layout.decode(rest)
             rest = rest[pdo.layout.size :]
@@ -88,7 +76,7 @@ class Coe:
 def test_a_drive_is_armed_run_and_disarmed_over_ethercat() -> None:
     settings = settings_for("cia402")
     slave = Slave(Profile(settings))
-    coe = Coe(Bus(slave), settings)
+    coe = Coe(slave, settings)
     coe.configure()
     assert slave.objects[0x6060, 0] == b"\x0a"
     entries = [slave.objects[PDOS[0].mapping, sub].hex() for sub in (0, 1, 2)]
