@@ -59,46 +59,6 @@ have the typical values of that joint.
 """
 
 
-def write_page() -> None:
-    """Write the page."""
-    PAGE.parent.mkdir(parents=True, exist_ok=True)
-    PAGE.write_text(page_text(), encoding="utf-8")
-
-
-def differences() -> list[str]:
-    """Return what is wrong with the committed page and its figures, one line each."""
-    wrong = unmatched()
-    if wrong:
-        return wrong
-    remedy = "Run  python -m tools.effects_page"
-    drawn = {path.stem for path in FIGURES.iterdir()} if FIGURES.is_dir() else set()
-    wrong = [
-        f"docs/figures/effects has no figure of {name}. {remedy}"
-        for name in EFFECTS
-        if name not in drawn
-    ]
-    wrong += [
-        f"docs/figures/effects/{name} is of no effect. Delete it."
-        for name in sorted(drawn)
-        if name not in EFFECTS
-    ]
-    if not PAGE.exists() or PAGE.read_text(encoding="utf-8") != page_text():
-        wrong.append(f"docs/effects.md is not what the table says. {remedy}")
-    return wrong
-
-
-def unmatched() -> list[str]:
-    """Return the effects without an entry in the table of figures, and the other way round."""
-    lacking = [
-        f"Effect {name} has no figure. Draw one in tools/effects_page/figures."
-        for name in EFFECTS
-        if name not in PLOTS
-    ]
-    return lacking + [
-        f"The figure of {name} is of no effect." for name in PLOTS if name not in EFFECTS
-    ]
-
-
 def page_text() -> str:
     """Return the whole page."""
     parts = [INTRODUCTION, "## Overview\n", *(_overview(stage) for stage in STAGES)]
@@ -120,7 +80,7 @@ def _overview(stage: str) -> str:
 
 def _section(effect: Effect) -> str:
     plot = PLOTS[effect.name]
-    figure = _figure_path(effect.name).relative_to(PAGE.parent).as_posix()
+    figure = (FIGURES / f"{effect.name}.svg").relative_to(PAGE.parent).as_posix()
     equation = "\n\n".join(f"$$\n{line}\n$$" for line in plot.equation.splitlines())
     facts = [f"- Acts in {_place(effect)}."]
     if effect.bodies:
@@ -178,11 +138,6 @@ def _place(effect: Effect) -> str:
     if len(able) == len(STRUCTURES):
         return f"{place}, in every structure"
     return f"{place.split(' (')[0]}: {', '.join(f'`{name}`' for name in able)}"
-
-
-def _figure_path(name: str) -> Path:
-    png = FIGURES / f"{name}.png"
-    return png if png.exists() else FIGURES / f"{name}.svg"
 
 
 def _text(line: str) -> str:

@@ -15,7 +15,6 @@ from cjt_gym.datasheet.drawing import STYLE as SHEETS
 from tools.effects_page.bench import Complexes, Floats, decibel, degrees, density
 
 WIDTH = 7.0  # inches, 672 px
-LARGEST = 60_000  # bytes of an SVG
 BLUE, RED, GREEN, GOLD, GREY, BLACK = (
     "#0072B2",
     "#D55E00",
@@ -128,30 +127,14 @@ def label(axes: Axes, x: str, y: str, title: str = "", legend: Any = None) -> No
         axes.legend(loc=legend)
 
 
-def save(figure: Figure, stem: Path, png: Path | None = None) -> Path:
-    """Write a figure as SVG, or as PNG where that would be too large; return its path.
-
-    Args:
-        figure: The figure.
-        stem: Path without ending.
-        png: Folder for a copy as PNG, to look at.
-    """
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as SVG and return its path."""
     mpl.rcParams.update(STYLE)
-    stem.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
-    path, other = stem.with_suffix(".svg"), stem.with_suffix(".png")
     figure.savefig(path, metadata=nothing)
-    text = compact(path.read_text(encoding="utf-8"))
-    path.write_text(text, encoding="utf-8")
-    if png is not None:
-        png.mkdir(parents=True, exist_ok=True)
-        figure.savefig(png / other.name, dpi=100)
-    if len(text) <= LARGEST:
-        other.unlink(missing_ok=True)
-        return path
-    path.unlink()
-    figure.savefig(other, dpi=160, metadata={"Software": None})
-    return other
+    path.write_text(compact(path.read_text(encoding="utf-8")), encoding="utf-8")
+    return path
 
 
 def compact(text: str) -> str:
