@@ -33,10 +33,7 @@ def main() -> None:
         redraw.table,
         costs.table,
     ):
-        table = measure()
-        if table is None:
-            continue
-        tables.append(table)
+        tables.append(measure())
         print(tables[-1].markdown(), end="\n\n", flush=True)
     report.write(tables)
     print(f"{report.conditions()} It took {time.perf_counter() - begin:.0f} s.")

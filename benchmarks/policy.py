@@ -10,22 +10,19 @@ import numpy as np
 
 from benchmarks.report import Table
 from benchmarks.timing import best_in_turns
+from cjt_gym.training.deploy.exported import load_exported, save_exported
+from cjt_gym.training.deploy.fast_policy import exported
+from cjt_gym.training.deploy.stepper import Stepper
+from cjt_gym.training.learning.algorithms import make_environment, make_model
+from cjt_gym.training.learning.config import load_config
+from cjt_gym.training.learning.policy import agent_of
 
 CALLS, LIMIT = 2_000, 10.0
 RECIPE = Path(__file__).parents[1] / "training" / "configs" / "quiet_residual.toml"
 
 
-def table() -> Table | None:
-    """Measure the policy of the shipped recipe, untrained; None without torch."""
-    try:
-        from cjt_gym.training.deploy.exported import load_exported, save_exported
-        from cjt_gym.training.deploy.fast_policy import exported
-        from cjt_gym.training.deploy.stepper import Stepper
-        from cjt_gym.training.learning.algorithms import make_environment, make_model
-        from cjt_gym.training.learning.config import load_config
-        from cjt_gym.training.learning.policy import agent_of
-    except ImportError:
-        return None
+def table() -> Table:
+    """Measure the policy of the shipped recipe, untrained."""
     config = load_config(RECIPE)
     env = make_environment(config)
     agent = agent_of("policy", config, make_model(config, env), env)

@@ -11,6 +11,7 @@ import numpy as np
 import cjt_gym  # noqa: F401  registers the environments
 from benchmarks.report import Table
 from benchmarks.timing import ratios
+from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 
 ID = "CJT/TorqueTracking-v0"
 PLAIN: dict[str, Any] = {"effects": {}}
@@ -66,12 +67,8 @@ def batch(env: gym.vector.VectorEnv[Any, Any, Any], steps: int) -> Callable[[], 
     return work
 
 
-def sb3_batch(num: int, arguments: dict[str, Any], steps: int) -> Callable[[], int] | None:
-    """Return the same for the batch of Stable-Baselines3, or None if that is not installed."""
-    try:
-        from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
-    except ImportError:
-        return None
+def sb3_batch(num: int, arguments: dict[str, Any], steps: int) -> Callable[[], int]:
+    """Return the same for the batch of Stable-Baselines3."""
     env = TorqueTrackingVecEnv(num, **arguments)
     rng = np.random.default_rng(0)
     actions = [rng.uniform(-1.0, 1.0, (num, 1)).astype(np.float32) for _ in range(8)]
@@ -93,9 +90,8 @@ def works() -> dict[str, Callable[[], int]]:
         for num in (64, 1024):
             env = gym.make_vec(ID, num_envs=num, **arguments)
             found[f"joint, {label}, make_vec of {num}"] = batch(env, BATCH_STEPS)
-        native = sb3_batch(1024, arguments, BATCH_STEPS) if arguments is FRICTION else None
-        if native is not None:
-            found[f"joint, {label}, VecEnv of 1024"] = native
+        if arguments is FRICTION:
+            found[f"joint, {label}, VecEnv of 1024"] = sb3_batch(1024, arguments, BATCH_STEPS)
     return found
 
 

@@ -6,10 +6,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import torch
+from stable_baselines3 import PPO
 
 from benchmarks.report import Table
 from benchmarks.speed import FRICTION, sb3_batch
 from benchmarks.timing import best_in_turns
+from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 
 NUMBERS = (8, 64, 256)
 ROLLOUT = 2048
@@ -30,9 +33,6 @@ def free(env: Any) -> Any:
 
 def learning(env: Any) -> Callable[[], int]:
     """Return work that trains on one rollout; its unit is a step of a member."""
-    import torch
-    from stable_baselines3 import PPO
-
     torch.set_num_threads(1)
     model = PPO("MlpPolicy", env, n_steps=ROLLOUT // env.num_envs, device="cpu", seed=0)
 
@@ -43,18 +43,14 @@ def learning(env: Any) -> Callable[[], int]:
     return work
 
 
-def table() -> Table | None:
-    """Measure PPO with the joint and with nothing; None without Stable-Baselines3."""
-    try:
-        from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
-    except ImportError:
-        return None
+def table() -> Table:
+    """Measure PPO with the joint and with nothing."""
     works = {}
     for num in NUMBERS:
         env = TorqueTrackingVecEnv(num, **FRICTION)
         works[f"{num} joints"] = sb3_batch(num, FRICTION, 100 + 2 * ROLLOUT // num)
         works[f"{num} free"] = learning(free(env))
-    times = best_in_turns({n: work for n, work in works.items() if work is not None}, rounds=3)
+    times = best_in_turns(works, rounds=3)
     rows = []
     for num in NUMBERS:
         alone, joints = times[f"{num} free"], times[f"{num} joints"]

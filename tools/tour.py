@@ -1,8 +1,7 @@
 """The tour as notebooks: percent scripts that are run, with what they print and draw.
 
 `python tools/tour.py` runs examples/tour/NAME.py and writes examples/tour/NAME.ipynb beside it;
-names as arguments choose some of them, `--text` takes over text without running any code. The site
-shows these notebooks as pages.
+names as arguments choose some of them. The site shows these notebooks as pages.
 """
 
 from __future__ import annotations
@@ -157,25 +156,12 @@ def _parts(name: str, notebook: Any, pictures: dict[str, bytes]) -> Iterator[str
                 yield f"```text\n{text.rstrip()}\n```"
 
 
-def with_outputs_of(path: Path, kept: Path) -> Any:
-    """Return a script as a notebook with the outputs of one whose code is the same."""
-    notebook, known = cells_of(path), nbformat.read(kept, as_version=4)
-    code, ran = ([c for c in book.cells if c.cell_type == "code"] for book in (notebook, known))
-    if [cell.source for cell in code] != [cell.source for cell in ran]:
-        raise SystemExit(f"The code of {path.name} has changed: run it, without --text.")
-    for cell, before in zip(code, ran, strict=True):
-        cell["outputs"], cell["execution_count"] = before.outputs, before.execution_count
-    return notebook
-
-
-def main(arguments: Sequence[str]) -> int:
+def main(names: Sequence[str]) -> int:
     """Write the notebooks of scripts; return the exit status."""
-    names = [word for word in arguments if word != "--text"]
     chosen = [path for path in scripts() if not names or path.stem in names]
     for path in chosen:
         made = path.with_suffix(".ipynb")
-        notebook = with_outputs_of(path, made) if "--text" in arguments else run(path)
-        made.write_text(nbformat.writes(notebook) + "\n", encoding="utf-8")
+        made.write_text(nbformat.writes(run(path)) + "\n", encoding="utf-8")
         print(f"{made.relative_to(TOUR.parent.parent)}: {made.stat().st_size / 1e3:.0f} kB")
     return 0 if chosen else 2
 

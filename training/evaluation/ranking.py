@@ -45,7 +45,6 @@ class Place:
 def rank(
     squares: Mapping[str, Mapping[str, Sequence[float]]],
     powers: Mapping[str, Mapping[str, Sequence[float]]],
-    seed: int = 0,
 ) -> list[Place]:
     """Return the agents in order of their score.
 
@@ -62,7 +61,7 @@ def rank(
     errors = np.array([[squares[n][t] for t in tasks] for n in names])
     wanted = np.array([[powers[n][t] for t in tasks] for n in names])
     count = counts.pop()
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     drawn = np.empty((RESAMPLES, len(names)))
     for k in range(RESAMPLES):
         rows = rng.integers(count, size=(1, len(tasks), count))
