@@ -8,20 +8,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from cjt_gym.envs.arguments import complete
-from cjt_gym.envs.core import Episodes
 from cjt_gym.training.benchmark.grid import Cell
 from cjt_gym.training.evaluation.conditions import Conditions, realistic_conditions
 from cjt_gym.training.evaluation.evaluate import first_seed
 from cjt_gym.training.evaluation.metrics import squared_errors
-from cjt_gym.training.evaluation.rollout import drive, joint_of
-from cjt_gym.training.evaluation.tasks import get_task
+from cjt_gym.training.evaluation.rollout import joint_of, run_mixed
 
 DELAY: Final = "command_delay.delay"
-MOVED: Final = "load_motion"
 STEPS: Final = 1000
-STILL: Final = 3
-"""Episodes with a still output for one in which it is moved."""
 SPARE: Final = 2
 """Episodes that are run for one that counts, as not every task is drawn equally often."""
 
@@ -68,8 +62,7 @@ def conditions_of(cell: Cell, box: float = 1.0, delay: float = 0.0) -> Condition
 def errors_under(cell: Cell, box: float = 1.0, delay: float = 0.0) -> dict[str, Any]:
     """Return an agent's squared errors by task and episode, all tasks side by side.
 
-    Every episode draws one of the references, and in one of four the output is moved as in
-    `load_motion`; each task keeps as many episodes as were drawn of all. Every agent has the same.
+    Each task keeps as many episodes as were drawn of all. Every agent has the same.
 
     Args:
         cell: The agent, its joint and structure, its tasks and at most how many episodes of each.
@@ -77,24 +70,14 @@ def errors_under(cell: Cell, box: float = 1.0, delay: float = 0.0) -> dict[str, 
         delay: Delay on top of that of the command [s].
     """
     conditions, agent = conditions_of(cell, box, delay), cell.load()
+    count = SPARE * len(cell.tasks) * cell.episodes
+    seed = first_seed(cell.tasks[0], cell.seed + 2)
     joint = joint_of(conditions)
-    settings = {task: get_task(task).setting(conditions, joint) for task in cell.tasks}
-    still = [task for task in cell.tasks if task != MOVED]
-    arguments = agent.arguments(conditions)
-    arguments |= {"reference": [settings[task].reference for task in still]}
-    arguments |= {"episode_steps": STEPS}
-    if MOVED in settings:
-        arguments["disturbance"] = ["zero"] * STILL + [settings[MOVED].load]
-    batch = Episodes(SPARE * len(cell.tasks) * cell.episodes, **complete(arguments))
-    batch.plant.seed(first_seed(cell.tasks[0], cell.seed + 2))
-    run = drive(agent, batch)
-    reference, load = batch.task.picks.T
-    drawn = np.where(load < STILL, reference, len(still))
+    run, drawn = run_mixed(agent, conditions, joint, cell.tasks, STEPS, count, seed)
     rows = [np.flatnonzero(drawn == k) for k in range(len(cell.tasks))]
     count = min(cell.episodes, *(len(r) for r in rows))
     squares, powers = squared_errors(run), np.mean(run.reference**2, axis=1)
-    order = [*still, MOVED][: len(cell.tasks)]
-    kept = {task: r[:count] for task, r in zip(order, rows, strict=True)}
+    kept = {task: r[:count] for task, r in zip(cell.tasks, rows, strict=True)}
     return {
         "squares": {task: squares[r].tolist() for task, r in kept.items()},
         "powers": {task: powers[r].tolist() for task, r in kept.items()},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -16,8 +16,11 @@ from cjt_gym.joint.kernel.arrays import DQ_L, Q_L, TAU, Floats
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
 from cjt_gym.training.evaluation.conditions import Conditions
-from cjt_gym.training.evaluation.tasks import Rendering, Setting
+from cjt_gym.training.evaluation.tasks import Rendering, Setting, get_task
 from cjt_gym.training.tuning.gains import Choice, choose
+
+STILL = 3
+"""Episodes with a still output for one in which it is moved."""
 
 
 @dataclass(frozen=True)
@@ -186,6 +189,35 @@ def run_task(agent: Agent, setting: Setting, num: int, seed: int) -> Traces:
         arguments["disturbance"] = setting.load
     more = setting.from_zero, setting.rendering, setting.of_motor
     return run_episodes(agent, arguments, num, seed, *more)
+
+
+def run_mixed(
+    agent: Agent,
+    conditions: Conditions,
+    joint: Joint,
+    tasks: Sequence[str],
+    steps: int,
+    num: int,
+    seed: int,
+) -> tuple[Traces, NDArray[np.int64]]:
+    """Run an agent over `num` episodes of `steps` control steps that each draw one of the tasks.
+
+    If `load_motion` is the last of them, one episode of four is one of its kind. So all run side by
+    side, in as many control steps as one does.
+
+    Returns:
+        What happened, and the index of the task of every episode, shape (num,).
+    """
+    settings = [get_task(task).setting(conditions, joint) for task in tasks]
+    references = [setting.reference for setting in settings if setting.load is None]
+    arguments = agent.arguments(conditions) | {"reference": references, "episode_steps": steps}
+    if len(references) < len(tasks):
+        arguments["disturbance"] = ["zero"] * STILL + [settings[-1].load]
+    episodes = Episodes(num, **arguments)
+    episodes.plant.seed(seed)
+    traces = drive(agent, episodes)
+    reference, load = episodes.task.picks.T
+    return traces, np.where(load < STILL, reference, len(references))
 
 
 def run_episodes(

@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 from cjt_gym.analysis import LinearPlant, probe_plant
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.baselines.table import CONTROLLERS, get_entry
-from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.settings import stated_by_joint
 from cjt_gym.errors import ConfigurationError, SimulationError, check_range
 from cjt_gym.joint import Joint
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
 from cjt_gym.training.evaluation.metrics import RESAMPLES, squared_errors
-from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_episodes
-from cjt_gym.training.evaluation.tasks import Setting, get_task
+from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_mixed
+from cjt_gym.training.evaluation.tasks import get_task
 from cjt_gym.training.tuning.gains import Choice
 from cjt_gym.training.tuning.limits import Assessment, Limits, assess
 
@@ -28,9 +27,9 @@ HELD_OUT_SEEDS = 700_000
 """Where the unseen draws begin."""
 SEED_BLOCK = 1000
 """Between two searches, more than any of them draws."""
-REFERENCES, MOVED = (*TASKS, "reversal"), "load_motion"
-STEPS, STILL = 600, 3
-"""Control steps of an episode; episodes with a still output for one in which it is moved."""
+DRAWN = (*TASKS, "reversal", "load_motion")
+"""Tasks of which every episode draws one."""
+STEPS = 600  # of control, in an episode
 HELD_OUT_FACTOR = 4
 """Unseen episodes over those of a candidate, for a comparison that is surer than the search."""
 BROKEN = 10.0
@@ -84,9 +83,7 @@ class Errors:
     """Mean squared error of every episode, and the task that it drew."""
 
     squares: Floats  # [N^2 m^2], shape (episodes,)
-    # index of the reference, or the number of references where the output is moved, shape
-    # (episodes,)
-    task: NDArray[np.int64]
+    task: NDArray[np.int64]  # its index, shape (episodes,)
 
     def over(self, base: Errors, rows: NDArray[np.int64] | None = None) -> float:
         """Return the rms error over that of a base, geometric mean over the tasks [-]."""
@@ -97,11 +94,7 @@ class Errors:
 
 
 class Problem:
-    """The cost of gains, on the draws of a search.
-
-    Every episode draws one of the references of the benchmark, and in one of four the output is
-    moved; so all run side by side, in as many control steps as one does.
-    """
+    """The cost of gains, on the draws of a search."""
 
     def __init__(self, search: Search) -> None:
         """Prepare the joint, its linear model and the errors of the open loop."""
@@ -118,21 +111,9 @@ class Problem:
 
     def errors(self, agent: Agent, seed: int, episodes: int) -> Errors:
         """Return the errors of an agent in the episodes from a seed on."""
-        references = [self._setting(task).reference for task in REFERENCES]
-        arguments = agent.arguments(self.conditions)
-        arguments |= {"reference": references, "episode_steps": STEPS}
-        if get_task(MOVED).applies(self.joint.structure):
-            arguments["disturbance"] = ["zero"] * STILL + [self._setting(MOVED).load]
-        same = {name: value for name, value in arguments.items() if name != "base_controller"}
-        drawn = Episodes(episodes, **same)
-        drawn.plant.seed(seed)
-        drawn.reset()
-        reference, load = drawn.task.picks.T
-        task = np.where(load < STILL, reference, len(references))
-        return Errors(squared_errors(run_episodes(agent, arguments, episodes, seed)), task)
-
-    def _setting(self, task: str) -> Setting:
-        return get_task(task).setting(self.conditions, self.joint)
+        tasks = [task for task in DRAWN if get_task(task).applies(self.joint.structure)]
+        run, task = run_mixed(agent, self.conditions, self.joint, tasks, STEPS, episodes, seed)
+        return Errors(squared_errors(run), task)
 
     def choice(self, gains: dict[str, float]) -> Choice:
         """Return the controller with gains."""
