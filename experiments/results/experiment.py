@@ -156,14 +156,13 @@ def _port(cells: Sequence[Cell], folder: Path, processes: int) -> dict[str, Any]
     """Return the damping felt at the output, by agent and frequency."""
     results = run_jobs([Job(port_energy, cell) for cell in cells], folder / "port", processes)
     learned, classical = split([r for r in results if r["status"] == "done"])
-    found = {r["agent"]: {k: r[k] for k in ("resistance", "energy")} for r in classical}
+    found = {r["agent"]: {"resistance": r["resistance"]} for r in classical}
     if learned:
+        by_frequency = {f: [r["resistance"][f] for r in learned] for f in learned[0]["resistance"]}
         found["policy"] = {
-            kind: {f: float(np.mean([r[kind][f] for r in learned])) for f in learned[0][kind]}
-            for kind in ("resistance", "energy")
+            "resistance": {f: float(np.mean(values)) for f, values in by_frequency.items()},
+            "least": {f: min(values) for f, values in by_frequency.items()},
         }
-        least = {f: min(r["resistance"][f] for r in learned) for f in learned[0]["resistance"]}
-        found["policy"]["least"] = least
     return {"agents": found, "without": _without(results)}
 
 

@@ -62,23 +62,19 @@ def port_energy(cell: Cell) -> dict[str, Any]:
         cell: The agent, its joint and structure.
 
     Returns:
-        "resistance": by frequency [Hz], the mean over the episodes, over `port_resistance` [-];
-        "energy": what a cycle gives to the mover, likewise, mean over the episodes [J].
+        "resistance": by frequency [Hz], the mean over the episodes, over `port_resistance` [-].
     """
     conditions, agent = conditions_of(cell), cell.load()
     joint = joint_of(conditions)
-    resistance, energy = measure(agent, conditions, first_seed("load_motion", cell.seed))
+    found = measure(agent, conditions, first_seed("load_motion", cell.seed))
     scale = port_resistance(joint)
-    return {
-        "resistance": {f"{f:g}": r / scale for f, r in resistance.items()},
-        "energy": {f"{f:g}": e for f, e in energy.items()},
-    }
+    return {"resistance": {f"{f:g}": r / scale for f, r in found.items()}}
 
 
 def measure(
     agent: Agent, conditions: Conditions, seed: int, episodes: int = EPISODES
-) -> tuple[dict[float, float], dict[float, float]]:
-    """Return resistance [N m s/rad] and energy per cycle [J] by frequency [Hz].
+) -> dict[float, float]:
+    """Return the resistance [N m s/rad] by frequency [Hz].
 
     Raises:
         SimulationError: A state ceased to be finite.
@@ -103,7 +99,4 @@ def measure(
     work, squares = np.sum(mean * moved, axis=1), np.sum(moved**2, axis=1) / dt
     frequency = np.array(FREQUENCIES)[task.picks[:, 1]]
     rows = {f: frequency == f for f in FREQUENCIES if (frequency == f).any()}
-    return (
-        {f: float(-work[r].sum() / squares[r].sum()) for f, r in rows.items()},
-        {f: float(work[r].mean() / (MEASURED * f)) for f, r in rows.items()},
-    )
+    return {f: float(-work[r].sum() / squares[r].sum()) for f, r in rows.items()}

@@ -50,7 +50,6 @@ def summary_of(structure: str, results: Sequence[Result]) -> dict[str, Any]:
         "improvement": {r["agent"]: improvement(learned, r) for r in order},
         "best": best["agent"],
         "ratio": ratio(learned, best),
-        "seeds": [scores[r["agent"]] for r in learned],
     }
 
 

@@ -94,7 +94,7 @@ def worst_case(cell: Cell, generations: int, places: int) -> dict[str, Any]:
 
     Returns:
         nrmse at the middle of the box and at the worst place, "middle" and "worst", on unseen
-        episodes; "where": the values there; "tried": how many places.
+        episodes; "where": the values there.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -120,5 +120,4 @@ def worst_case(cell: Cell, generations: int, places: int) -> dict[str, Any]:
         "worst": float(np.sqrt(squares[0])),
         "middle": float(np.sqrt(squares[1])),
         "where": box.parameters()[0],
-        "tried": generations * places,
     }

@@ -199,9 +199,11 @@ def test_a_reference_may_be_a_list_of_torques() -> None:
         assert infos == [wanted, wanted]
 
 
-@pytest.mark.parametrize("action", ["x", None, np.array(["x"])])
-def test_an_action_that_is_no_number_is_refused(action: Any) -> None:
-    single, batch = make(), gym.make_vec("CJT/TorqueTracking-v0", num_envs=2)
+@pytest.mark.parametrize(
+    "action", ["x", None, np.array(["x"]), np.array([np.nan]), np.zeros(2, np.float32)]
+)
+def test_an_action_of_other_than_finite_numbers_is_refused(action: Any) -> None:
+    single, batch = make().unwrapped, gym.make_vec("CJT/TorqueTracking-v0", num_envs=2)
     for env in (single, batch):
         env.reset(seed=0)
         with pytest.raises(ConfigurationError, match="The action must hold"):
@@ -264,14 +266,6 @@ def test_bad_arguments_say_what_is_wrong(
 def test_an_unknown_argument_of_a_batch_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="structure"):
         gym.make_vec("CJT/TorqueTracking-v0", num_envs=2, strukture="rigid")
-
-
-@pytest.mark.parametrize("action", [np.array([np.nan]), np.array([0.0, 0.0])])
-def test_a_bad_action_is_refused(action: np.ndarray[Any, Any]) -> None:
-    env = make().unwrapped
-    env.reset(seed=0)
-    with pytest.raises(ConfigurationError, match="action"):
-        env.step(action.astype(np.float32))
 
 
 def test_importing_the_package_is_light() -> None:

@@ -168,7 +168,6 @@ def test_the_worst_place_is_worse_than_the_middle_and_found_again() -> None:
     here = Cell("pd_feedforward", False, JOINT, FIXED, ("step",), 0, 2)
     found = worst_case(here, 2, 6)
     assert found["worst"] > 1.1 * found["middle"] > 0.0
-    assert found["tried"] == 12
     nominal = joint_of(realistic_conditions(JOINT, FIXED)).parameters.I_m
     assert 0.9 * nominal <= found["where"]["I_m"] <= 1.1 * nominal
     assert worst_case(here, 2, 6) == found
@@ -183,11 +182,10 @@ def test_damping_of_a_linear_port_is_the_real_part_of_its_impedance(structure: s
     wanted = Loop(linear, probe_plant(joint, conditions.dt_control)).responses(
         np.array(port.FREQUENCIES)
     )
-    found, energy = port.measure(ControllerAgent("pd_feedforward"), conditions, 0)
+    found = port.measure(ControllerAgent("pd_feedforward"), conditions, 0)
     scale = np.abs(wanted.port)
     for f, impedance, size in zip(port.FREQUENCIES, wanted.port, scale, strict=True):
         assert found[f] == pytest.approx(impedance.real, abs=0.03 * size), f
-        assert np.sign(energy[f]) == -np.sign(found[f])
 
 
 def test_other_joints_have_the_same_effects_and_are_others() -> None:
@@ -233,7 +231,7 @@ def known(structure: str) -> dict[str, Any]:
     bad = [cell(f"p{k}", "residual", 0.3, 5.0, 0) for k in range(3)]
     worst = {n: {"middle": 0.1, "worst": w, "where": {"I_m": 0.2}, "most": w} for n, w in WORST}
     row = {"1": 0.1, "50": 0.2}
-    agents = {name: {"resistance": row, "energy": row} for name in ("policy", "pid")}
+    agents = {name: {"resistance": row} for name in ("policy", "pid")}
     agents["policy"] = {**agents["policy"], "least": {"1": -0.1, "50": 0.2}}
     return {
         **found,

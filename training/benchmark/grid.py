@@ -154,8 +154,7 @@ def _phase(response: NDArray[np.complex128]) -> list[float | None]:
 def _shown(run: Traces) -> dict[str, list[float | None]]:
     """Return the first episode, thinned out."""
     step = max(1, run.tau.shape[1] // SHOWN_POINTS)
-    names = ("reference", "tau", "command")
-    series = {name: _short(getattr(run, name)[0, ::step]) for name in names}
+    series = {name: _short(getattr(run, name)[0, ::step]) for name in ("reference", "tau")}
     return {"t": _short(run.t[::step]), **series}
 
 
@@ -186,7 +185,7 @@ def _linear(cell: Cell, agent: Agent) -> dict[str, Any] | None:
         agent.base()["base_controller"](joint, conditions.dt_control), joint, conditions.dt_control
     )
     if not law.is_linear:
-        return {"is_linear": False, "mismatch": _short([law.mismatch])[0]}
+        return {"is_linear": False}
     loop = Loop(law, probe_plant(joint, conditions.dt_control))
     r = loop.responses(BODE_HZ)
     figures = figures_of(loop).to_dict()
@@ -202,8 +201,6 @@ def _linear(cell: Cell, agent: Agent) -> dict[str, Any] | None:
         "f": _short(BODE_HZ),
         "gain": _short(np.abs(r.reference)),
         "phase": _phase(r.reference),
-        "sensitivity": _short(np.abs(r.sensitivity)),
-        "port": _short(np.abs(r.port)),
     }
 
 
