@@ -1,12 +1,29 @@
-"""Tables in a Markdown document, between marks that say what belongs there."""
+"""What experiments come to: their results, and tables in a Markdown document between marks."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, MissingFileError
+
+
+def read_results(folder: Path, name: str) -> dict[str, Any]:
+    """Return what the experiment NAME has written into `NAME.json` of a folder.
+
+    Raises:
+        MissingFileError: There is none.
+    """
+    try:
+        data: dict[str, Any] = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingFileError(
+            f"{folder} holds no {name}.json. Make it:  python -m experiments.{name} --out {folder}"
+        ) from None
+    return data
 
 
 def markdown(cells: Sequence[Sequence[str]]) -> str:

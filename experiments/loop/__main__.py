@@ -12,7 +12,7 @@ from cjt_gym.errors import CjtGymError
 from experiments.loop.experiment import Plan, run_experiment
 from experiments.loop.joints import GROUPS
 from experiments.loop.report import (
-    read_results,
+    read_outcomes,
     summary_of,
     verdict,
     write_document,
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not write_only:
             outcomes = run_experiment(plan, _say)
             write_results(outcomes, plan, time.monotonic() - begun)
-        data = read_results(plan.out)
+        data = read_outcomes(plan.out)
         page = write_page(plan.out, data["joints"])
         if document is not None:
             write_document(document, data)

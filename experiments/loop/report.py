@@ -14,12 +14,11 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from cjt_gym.datasheet.blocks import Block
 from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.disk import write_text
-from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
 from cjt_gym.training.learning.run_folder import versions
 from cjt_gym.training.report.figures import COLOURS, WIDTH
 from experiments.loop.experiment import ARMS, Outcome, Plan
-from experiments.marks import fill, markdown
+from experiments.marks import fill, markdown, read_results
 
 NAMES: Final = {
     "controller": "controller alone",
@@ -159,19 +158,9 @@ def write_results(outcomes: Sequence[Outcome], plan: Plan, seconds: float) -> No
     write_text(plan.out / "loop.json", json.dumps(data, indent=1) + "\n")
 
 
-def read_results(folder: Path) -> dict[str, Any]:
-    """Return what `loop.json` of a folder holds; its "joints" are of `Outcome`.
-
-    Raises:
-        MissingFileError: There is none.
-    """
-    try:
-        data: dict[str, Any] = json.loads((folder / "loop.json").read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MissingFileError(
-            f"{folder} holds no loop.json. Make it:  python -m experiments.loop --out {folder}"
-        ) from None
-    names = ("hidden", "found")
+def read_outcomes(folder: Path) -> dict[str, Any]:
+    """Return what `loop.json` of a folder holds; its "joints" are of `Outcome`."""
+    data, names = read_results(folder, "loop"), ("hidden", "found")
     joints = [{**row, **{name: tuple(row[name]) for name in names}} for row in data["joints"]]
     return {**data, "joints": [Outcome(**row) for row in joints]}
 

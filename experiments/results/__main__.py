@@ -10,9 +10,10 @@ from pathlib import Path
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.benchmark import align
+from experiments.marks import read_results
 from experiments.results import tables
 from experiments.results.experiment import run_results
-from experiments.results.page import read_results, write_all, write_document, write_page
+from experiments.results.page import write_all, write_document, write_page
 from experiments.results.plan import STRUCTURES, Plan
 
 
@@ -54,10 +55,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     plan, begun = Plan(structures=structures, **values), time.monotonic()
     try:
         if write_only:
-            page = write_page(plan.out, read_results(plan.out)["structures"])
+            page = write_page(plan.out, read_results(plan.out, "results")["structures"])
         else:
             page = write_all(plan, run_results(plan, _say))
-        data = read_results(plan.out)
+        data = read_results(plan.out, "results")
         if document is not None:
             write_document(document, data, plan.out.name)
     except CjtGymError as error:

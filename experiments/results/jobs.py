@@ -12,8 +12,7 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 
 from cjt_gym.disk import write_text
-from cjt_gym.errors import ConfigurationError, SimulationError
-from cjt_gym.training.benchmark.grid import Cell
+from cjt_gym.training.benchmark.grid import Cell, attempted
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,7 @@ class Job:
         """
         agent = self.cell.load()
         base = {"agent": agent.name, "kind": agent.kind, "joint": self.cell.joint}
-        try:
-            return {**base, "status": "done", **self.do(self.cell, **self.options)}
-        except SimulationError as error:
-            return {**base, "status": "failed", "why": str(error)}
-        except ConfigurationError as error:
-            return {**base, "status": "refused", "why": str(error)}
+        return base | attempted(lambda: self.do(self.cell, **self.options))
 
 
 def run_jobs(jobs: Sequence[Job], folder: Path, processes: int) -> list[dict[str, Any]]:

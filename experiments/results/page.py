@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from cjt_gym.datasheet.blocks import Block
 from cjt_gym.disk import write_text
-from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
 from cjt_gym.training.learning.run_folder import versions
 from experiments.marks import fill, markdown
@@ -43,22 +42,6 @@ def write_all(plan: Plan, found: Sequence[Found]) -> Path:
     plan.out.mkdir(parents=True, exist_ok=True)
     write_text(plan.out / "results.json", json.dumps(data, indent=1) + "\n")
     return write_page(plan.out, found)
-
-
-def read_results(folder: Path) -> dict[str, Any]:
-    """Return what `results.json` of a folder holds.
-
-    Raises:
-        MissingFileError: There is none.
-    """
-    try:
-        data: dict[str, Any] = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MissingFileError(
-            f"{folder} holds no results.json. Make it:  python -m experiments.results --out "
-            f"{folder}"
-        ) from None
-    return data
 
 
 def write_page(folder: Path, found: Sequence[Found]) -> Path:

@@ -21,7 +21,7 @@ from experiments.loop.drive import BlindPlant, drive
 from experiments.loop.experiment import ARMS, Outcome, Plan, run_experiment
 from experiments.loop.joints import HiddenJoint, as_sensed, hidden_joints
 from experiments.loop.report import (
-    read_results,
+    read_outcomes,
     summary_of,
     verdict,
     write_page,
@@ -136,7 +136,7 @@ def test_report_says_what_was_recovered_and_where_it_did_not_help(tmp_path: Path
     assert "identified joint made worse worse" in verdict(found)
     assert found["wide_worse"] == 0
     write_results(outcomes, Plan(tmp_path), 1.0)
-    data = read_results(tmp_path)
+    data = read_outcomes(tmp_path)
     assert data["joints"] == outcomes
     assert data["summary"] == found
     page = write_page(tmp_path, data["joints"]).read_text(encoding="utf-8")

@@ -106,18 +106,26 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     agent = cell.load()
     base: dict[str, Any] = {"cell": asdict(cell), "agent": agent.name}
     base |= {"kind": agent.kind, "renders": agent.renders}
-    try:
+
+    def do() -> dict[str, Any]:
         conditions = cell.conditions()
         if not agent.arguments(conditions).get("observe_joint"):  # policies for many joints do
             base["trained_on"] = agent.trained_on
         base["effects"] = list(joint_of(conditions).effects)
         found = evaluate(agent, conditions, cell.tasks, cell.episodes, cell.seed)
-        linear = _linear(cell, agent)
+        return {**_result(found), "linear": _linear(cell, agent)}
+
+    return base | attempted(do)
+
+
+def attempted(do: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return what a function gives, with a "status"; "refused" or "failed", and why, if nothing."""
+    try:
+        return {"status": "done", **do()}
     except SimulationError as error:
-        return {**base, "status": "failed", "why": str(error)}
+        return {"status": "failed", "why": str(error)}
     except ConfigurationError as error:
-        return {**base, "status": "refused", "why": str(error)}
-    return {**base, "status": "done", **_result(found), "linear": linear}
+        return {"status": "refused", "why": str(error)}
 
 
 def _result(found: Evaluation) -> dict[str, Any]:
