@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.blind.plant import World
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.joint import Joint
@@ -94,7 +93,7 @@ def drive(
         episodes: How many, each from rest.
         seed: Of the first; episode i has seed + i.
     """
-    batch = Episodes(1, **complete(arguments))
+    batch = Episodes(1, **arguments)
     task, steps = ForeignEpisode(batch), batch.settings.episode_steps
     shape, act = (episodes, steps), _function_of(agent)
     wanted, tau, measured, command = (np.zeros(shape) for _ in range(4))

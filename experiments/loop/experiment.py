@@ -13,7 +13,6 @@ from joblib import Parallel, delayed
 
 from cjt_gym.blind.case import Log
 from cjt_gym.disk import write_text
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.gap import diagnose
@@ -254,7 +253,7 @@ def _train(
     p = load_joint_file(sheet).parameters
     env = dict(base.env) | {"joint": sheet, "structure": joint.structure}
     env["torque_amplitude"] = env["action_scale"] = AMPLITUDE_SHARE * p.k_t * p.n * p.i_p
-    layout = Episodes(1, **complete(environment_arguments(env))).settings.layout
+    layout = Episodes(1, **environment_arguments(env)).settings.layout
     env |= {"velocity_scale": layout.velocity, "joint": str(path)}
     if randomization is not None:
         env["randomization"] = randomization

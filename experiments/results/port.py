@@ -18,7 +18,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
 from cjt_gym.signals import Signal
@@ -84,7 +83,7 @@ def measure(
     steps = round((SETTLED + MEASURED) / dt)
     arguments = agent.arguments(conditions)
     arguments |= {"reference": "zero", "disturbance": moves, "episode_steps": steps}
-    batch = Episodes(episodes, **complete(arguments))
+    batch = Episodes(episodes, **arguments)
     batch.plant.seed(seed)
     batch.reset()
     agent.begin()

@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.training.benchmark.grid import Cell
 from cjt_gym.training.evaluation.conditions import TASKS
@@ -53,7 +52,7 @@ class Box:
         arguments = agent.arguments(conditions)
         arguments |= {"reference": references, "episode_steps": STEPS}
         self.names, self.places, self.episodes = tuple(once), places, episodes
-        self._agent, self._batch = agent, Episodes(places * episodes, **complete(arguments))
+        self._agent, self._batch = agent, Episodes(places * episodes, **arguments)
 
     def errors(self, points: Floats, first: int) -> Floats:
         """Return the nrmse at places of the box, shape (places,) [-].

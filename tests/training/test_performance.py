@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import make_bench
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
@@ -88,7 +87,7 @@ def test_gains_are_those_for_the_nominal_joint_in_both_worlds(worlds: Worlds) ->
 
 def test_rewards_are_those_of_the_environment() -> None:
     arguments = {"reference": Signal("chirp", 10.0), "episode_steps": 50, "torque_amplitude": 10.0}
-    episodes = Episodes(3, **complete(arguments))
+    episodes = Episodes(3, **arguments)
     episodes.plant.seed(5)
     episodes.reset()
     rng = np.random.default_rng(0)
