@@ -18,6 +18,7 @@ from cjt_gym.baselines.robust import PEAK, is_stable, make_bench
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
+from tests.baselines.test_laws import track
 
 Floats = NDArray[np.float64]
 DT = 1e-3
@@ -75,13 +76,9 @@ def test_what_is_put_together_is_robust_or_says_why_not(word: str, structure: st
 
 
 def torque_under(word: str, joint: Joint, gains: dict[str, float], wanted: Floats) -> Floats:
-    law, plant = make_controller(word, joint, DT, gains), SimulatedPlant(joint, 1, DT)
+    law = make_controller(word, joint, DT, gains)
     law.torque_limit = 30.0
-    now, found = plant.reset(seed=0), np.zeros(len(wanted))
-    for k, r in enumerate(wanted):
-        now = plant.step(law.act(now, np.array([r])))
-        found[k] = plant.batch.arrays.tau[0]
-    return found
+    return track(joint, law, wanted)
 
 
 def test_friction_beside_an_integral_is_no_excess_that_the_integral_gives_back() -> None:

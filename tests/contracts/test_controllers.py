@@ -29,6 +29,7 @@ from cjt_gym.envs.settings import default_load
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint import STRUCTURES, Joint
 from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
+from tests.baselines.test_laws import track
 
 Floats = NDArray[np.float64]
 NAMES = sorted(CONTROLLERS)
@@ -184,16 +185,11 @@ def settles(name: str, joint_name: str, structure: str) -> None:
     effects = {"coulomb": {}, "command_delay": {"delay": 2e-3}}
     parameters = {} if STRUCTURES[structure].output_fixed else {"I_l": 3.0}
     joint = load_joint(joint_name, structure, effects=effects, parameters=parameters)
-    plant, law = SimulatedPlant(joint, 1, DT), make_controller(name, joint, DT)
-    now = plant.reset(seed=0)
     friction = joint.parameters.get("d_cm", 0.0) + joint.parameters.get("d_cg", 0.0)
-    wanted = np.full(1, max(0.1 * limits_of(joint).tau, 3.0 * friction))
-    torque = np.zeros(1500)
-    for k in range(1500):
-        now = plant.step(law.act(now, wanted * (k < 50)))
-        torque[k] = plant.batch.arrays.tau[0]
+    wanted = max(0.1 * limits_of(joint).tau, 3.0 * friction)
+    torque = track(joint, make_controller(name, joint, DT), wanted * (np.arange(1500) < 50))
     assert np.abs(torque).max() < limits_of(joint).tau, joint_name
-    assert np.ptp(torque[1300:]) < max(0.3 * wanted[0], 0.5 * np.ptp(torque[100:300])), joint_name
+    assert np.ptp(torque[1300:]) < max(0.3 * wanted, 0.5 * np.ptp(torque[100:300])), joint_name
 
 
 CLAIMS = [(name, structure) for name in NAMES for structure in CONTROLLERS[name].structures]
