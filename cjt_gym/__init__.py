@@ -18,22 +18,6 @@ if TYPE_CHECKING:
 
     __version__: str
 
-_HOMES = {
-    "DRIVES": "cjt_gym.joint",
-    "EFFECTS": "cjt_gym.joint",
-    "STRUCTURES": "cjt_gym.joint",
-    "Joint": "cjt_gym.joint",
-    "Record": "cjt_gym.records",
-    "diagnose": "cjt_gym.gap",
-    "examine": "cjt_gym.gap",
-    "joint_names": "cjt_gym.joint",
-    "load_joint": "cjt_gym.joint",
-    "read_log": "cjt_gym.records",
-    "read_record": "cjt_gym.records",
-    "record_names": "cjt_gym.records",
-    "write_record": "cjt_gym.records",
-}
-
 __all__ = [
     "DRIVES",
     "EFFECTS",
@@ -56,13 +40,15 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("cjt-gym")
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
+    for home in ("records", "joint", "gap") if name in __all__ else ():  # each imports those before
+        found = getattr(import_module(f"cjt_gym.{home}"), name, None)
+        if found is not None:
+            return found
     raise AttributeError(f"module 'cjt_gym' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOMES])
+    return sorted([*globals(), *__all__])
 
 
 register()

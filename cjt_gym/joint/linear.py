@@ -85,12 +85,13 @@ def state_matrices(
     s, size, order = structure.selection, structure.size, structure.order
     mass_inverse = np.diag(1.0 / np.diag(inertia))
     position, velocity = slice(0, size), slice(order - size, order)
-    a, b = np.zeros((order, order)), np.zeros((order, 2))
+    kind = inertia.dtype  # floats, or objects where the parameters are symbols
+    a, b = np.zeros((order, order), kind), np.zeros((order, 2), kind)
     a[position, velocity] = np.eye(size)
     a[velocity, position] = -mass_inverse @ stiffness
     a[velocity, velocity] = -mass_inverse @ damping
     b[velocity, 0] = mass_inverse @ s[0]
-    c, d = np.zeros((7, order)), np.zeros((7, 2))
+    c, d = np.zeros((7, order), kind), np.zeros((7, 2), kind)
     c[0:3, position] = c[3:6, velocity] = s
     if structure.output_fixed:
         a[velocity, size] = -mass_inverse @ s.T @ body_stiffness[:, 2]

@@ -10,7 +10,7 @@ import sympy as sp
 from cjt_gym.errors import check_name
 from cjt_gym.joint import JointParameters, get_structure
 from cjt_gym.joint.files.parameters import PARAMETERS
-from cjt_gym.joint.linear import OUTPUTS, body_matrices, state_names
+from cjt_gym.joint.linear import OUTPUTS, body_matrices, state_matrices
 
 S = sp.Symbol("s")
 """The Laplace variable."""
@@ -33,6 +33,10 @@ class _Symbols:
 
     def get(self, name: str, _: float) -> sp.Symbol:
         return symbol(name)
+
+
+SYMBOLS = cast(JointParameters, _Symbols())
+"""Parameters whose values are symbols."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ def dynamics(structure: str) -> Dynamics:
         UnknownNameError: There is no such structure.
     """
     row = get_structure(structure)
-    bodies = [_exact(m) for m in body_matrices(cast(JointParameters, _Symbols()), row)]
+    bodies = [_exact(m) for m in body_matrices(SYMBOLS, row)]
     select = sp.Matrix(row.selection.astype(int).tolist())
     inertia, damping, stiffness = (select.T * m * select for m in bodies)
     load = select[2, :].T
@@ -84,39 +88,8 @@ def state_space(structure: str) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix, sp.Mat
     Raises:
         UnknownNameError: There is no such structure.
     """
-    row, m = get_structure(structure), dynamics(structure)
-    size, order, fixed = row.size, row.order, row.output_fixed
-    inverse = m.inertia.inv()
-    a, b = sp.zeros(order, order), sp.zeros(order, 2)
-    start = order - size
-    a[:size, start:] = sp.eye(size)
-    a[start:, :size] = -inverse * m.stiffness
-    a[start:, start:] = -inverse * m.damping
-    b[start:, 0] = inverse * m.motor
-    angle, velocity = sp.zeros(3, order), sp.zeros(3, order)
-    angle[:, :size] = velocity[:, start:] = m.selection
-    d = sp.zeros(7, 2)
-    if fixed:
-        forces = inverse * m.load
-        a[start:, size] = forces.subs(S, 0)
-        b[start:, 1] = forces.diff(S)
-        b[size, 1] = angle[2, size] = d[5, 1] = 1
-    else:
-        b[start:, 1] = inverse * m.load
-    bar = sp.Matrix([[0, 1, -1]])
-    k_b, d_gl = _bar(structure)
-    torque = k_b * bar * angle + d_gl * bar * velocity
-    d[6, 1] = -d_gl * d[5, 1]
-    assert len(state_names(row)) == order
-    return a, b, sp.Matrix.vstack(angle, velocity, torque), d
-
-
-def _bar(structure: str) -> tuple[sp.Expr, sp.Expr]:
-    """Return stiffness and damping of the torsion bar; zero where it is rigid."""
-    groups = get_structure(structure).groups
-    if groups[1] == groups[2]:
-        return sp.Integer(0), sp.Integer(0)
-    return symbol("k_b"), symbol("d_gl")
+    a, b, c, d = map(_exact, state_matrices(SYMBOLS, get_structure(structure)))
+    return a, b, c, d
 
 
 def transfer_function(structure: str, output: str = "tau", input: str = "tau_m") -> sp.Expr:
@@ -154,9 +127,8 @@ def _ratio(structure: str, output: str, *, by_motor: bool) -> sp.Expr:
     q = m.selection * z
     if fixed:
         q[2] = 1 / S
-    k_b, d_gl = _bar(structure)
-    if output == "tau":
-        return tidy((k_b + d_gl * S) * (q[1] - q[2]))
+    if output == "tau":  # zero where the bar is rigid, as both of its ends are then one
+        return tidy((symbol("k_b") + symbol("d_gl") * S) * (q[1] - q[2]))
     body = {"m": 0, "g": 1, "l": 2}[output[-1]]
     return tidy(q[body] * (S if output.startswith("dq") else 1))
 
