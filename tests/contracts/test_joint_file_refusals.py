@@ -154,7 +154,7 @@ REFUSED = {
     ),
     "channel twice": (
         HEAD + "[sensors.q_m]\n[sensors.q_m]\n",
-        ["sensor channel q_m stands twice", "Keep one"],
+        ["Cannot declare ('sensors', 'q_m') twice", "only once"],
     ),
     "channel twice in an effect": (
         HEAD + '[effects.noise]\nchannel = ["q_m", "tau", "q_m"]\n',

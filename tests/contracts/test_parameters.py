@@ -22,7 +22,7 @@ from cjt_gym.joint.files.mistakes import Mistakes
 from cjt_gym.joint.files.parameter_table import (
     AXES,
     PARAMETERS,
-    SAMPLING_UNITS,
+    SAMPLING_KEYS,
     SENSOR_KEYS,
     sensor_units,
 )
@@ -342,7 +342,7 @@ def joint_files(draw: st.DrawFn) -> JointFile:
         entry = quantities(st.sampled_from(units), positive)
         sensors[channel] = draw(st.dictionaries(st.sampled_from(SENSOR_KEYS), entry))
     sampling = st.dictionaries(
-        st.sampled_from(sorted(SAMPLING_UNITS)), quantities(st.just("s"), positive)
+        st.sampled_from(sorted(SAMPLING_KEYS)), quantities(st.just("s"), positive)
     )
     return JointFile(p, draw(effects), sensors, draw(sampling))
 

@@ -198,18 +198,15 @@ def read_joint_text(path: Path) -> str:
     try:
         return read_text(path, ParameterError)
     except FileNotFoundError as error:
+        place = "" if path.is_absolute() else f" in {Path.cwd()}"
         raise MissingFileError(
-            f"The joint file {path} does not exist{_looked_for(path)}. Give the path of a TOML "
+            f"The joint file {path} does not exist{place}. Give the path of a TOML "
             f"file or one of: {', '.join(joint_names())}."
         ) from error
     except OSError as error:
         raise ParameterError(
             f"The joint file {path} cannot be read: {error}. It must be a UTF-8 text file."
         ) from error
-
-
-def _looked_for(path: Path) -> str:
-    return "" if path.is_absolute() else f" in {Path.cwd()}"
 
 
 def _parsed(text: str, origin: str) -> JointFile:

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from cjt_gym.records.columns import COLUMNS
+
 AXES = ("rotary", "prismatic")
 SENSOR_KEYS = ("resolution", "noise")
 
@@ -154,22 +156,9 @@ PARAMETERS: Mapping[str, ParameterSpec] = MappingProxyType(
     | _rows("kg", ">0", m="mass of the actuator")
 )
 
-SAMPLING_UNITS: Mapping[str, str] = MappingProxyType(
-    {"dt": "s", "dt_electrical": "s", "jitter": "s"}
-)
+SAMPLING_KEYS = ("dt", "dt_electrical", "jitter")  # all in s
 
-_CHANNEL_UNITS: Mapping[str, str] = {
-    "q_m": "rad",
-    "q_g": "rad",
-    "q_l": "rad",
-    "dq_m": "rad/s",
-    "dq_g": "rad/s",
-    "dq_l": "rad/s",
-    "tau": "N m",
-    "tau_l": "N m",
-    "i": "A",
-    "v": "V",
-}
+_SENSED = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau", "tau_l", "i", "v")
 
 
 def axis_units(unit: str, axis: str) -> tuple[str, ...]:
@@ -179,4 +168,4 @@ def axis_units(unit: str, axis: str) -> tuple[str, ...]:
 
 def sensor_units(axis: str) -> dict[str, tuple[str, ...]]:
     """Return the channels that a sensor may measure, with the units allowed on this axis."""
-    return {channel: _axis_units(unit)[axis] for channel, unit in _CHANNEL_UNITS.items()}
+    return {channel: axis_units(COLUMNS[channel].units[0], axis) for channel in _SENSED}

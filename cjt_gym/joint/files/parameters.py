@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.errors import ParameterError, check_name, did_you_mean, unknown_key
 from cjt_gym.joint.files.mistakes import Mistakes
-from cjt_gym.joint.files.parameter_table import AXES, PARAMETERS, PER_METRE, ParameterSpec
+from cjt_gym.joint.files.parameter_table import AXES, PARAMETERS, PER_METRE
 from cjt_gym.joint.files.quantity import FrozenMapping, Quantity, Setting
 from cjt_gym.joint.files.units import in_usual_unit
 
-__all__ = ["PARAMETERS", "JointParameters", "ParameterSpec", "Quantity", "content_of", "sha256_of"]
+__all__ = ["PARAMETERS", "JointParameters", "Quantity", "content_of", "sha256_of"]
 
 SET_IN_PYTHON = "set in Python"
 """Source of a value that names none."""

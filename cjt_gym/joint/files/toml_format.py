@@ -5,7 +5,6 @@ What a value means is checked elsewhere: in `parameters` and by the effect table
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypeVar
@@ -13,7 +12,7 @@ from typing import Any, TypeVar
 from cjt_gym.disk import parse_toml
 from cjt_gym.errors import ParameterError, unknown_key
 from cjt_gym.joint.files.mistakes import Mistakes
-from cjt_gym.joint.files.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
+from cjt_gym.joint.files.parameter_table import AXES, SAMPLING_KEYS, SENSOR_KEYS, sensor_units
 from cjt_gym.joint.files.quantity import Quantity, Setting, parse_quantity
 from cjt_gym.joint.files.units import in_usual_unit
 
@@ -62,19 +61,9 @@ def _parse_toml(text: str, origin: str) -> dict[str, object]:
     try:
         return parse_toml(text, origin, ParameterError)
     except ParameterError as error:
-        raise ParameterError(_toml_message(str(error), origin)) from error
-
-
-def _toml_message(message: str, origin: str) -> str:
-    channel = re.search(r"Cannot declare \('sensors', '(\w+)'\) twice", message)
-    if channel:
-        return (
-            f"The sensor channel {channel[1]} stands twice in {origin}. Keep one of the two "
-            f"tables. {message}"
-        )
-    return (
-        f"{message} It is not valid TOML: a key or table may stand only once, a text needs quotes."
-    )
+        raise ParameterError(
+            f"{error} It is not valid TOML: a key or table stands only once, a text needs quotes."
+        ) from error
 
 
 def _known(
@@ -165,7 +154,7 @@ def _parse_sampling(
     raw: Mapping[str, object], origin: str, mistakes: Mistakes
 ) -> dict[str, Quantity]:
     owner = f"[sampling] of {origin}"
-    known = _known(raw, tuple(SAMPLING_UNITS), "key", owner, mistakes)
+    known = _known(raw, SAMPLING_KEYS, "key", owner, mistakes)
     return _entries(known, partial(_non_negative, units=("s",)), owner, mistakes)
 
 
