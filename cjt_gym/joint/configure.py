@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -256,24 +255,16 @@ def _checked(
     effect: Effect, parameter: EffectParameter, value: Any, file: JointFile
 ) -> EffectValue:
     where = f"{effect.name}.{parameter.symbol} of {file.parameters.origin}"
-    if parameter.series:
-        try:
-            series = tuple(float(x) for x in np.atleast_1d(np.asarray(value, dtype=np.float64)))
-        except (TypeError, ValueError):
-            raise ParameterError(
-                f"{where} must be a list of numbers [{parameter.unit}], got {value!r}."
-            ) from None
-        if not all(math.isfinite(x) for x in series):
-            raise ParameterError(f"{where} must be finite {parameter.unit}, got {value}.")
-        return series
     try:
-        number = float(value)
+        numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ParameterError(
-            f"{where} must be a number [{parameter.unit}], got {value!r}."
-        ) from None
-    if not math.isfinite(number):
-        raise ParameterError(f"{where} must be finite {parameter.unit}, got {number}.")
+        numbers = np.array(np.nan)
+    if numbers.ndim > int(parameter.series) or not np.isfinite(numbers).all():
+        kind = "a list of finite numbers" if parameter.series else "a finite number"
+        raise ParameterError(f"{where} must be {kind} [{parameter.unit}], got {value!r}.")
+    if parameter.series:
+        return tuple(np.atleast_1d(numbers).tolist())
+    number = float(numbers)
     low, strict, high = effect.domain(parameter)
     if number < low or (strict and number == low):
         sign = ">" if strict else ">="

@@ -14,19 +14,15 @@ DRY = (COULOMB, DIRECTED, "stribeck", "presliding")
 """Effects with levels of dry friction that no other torque scales."""
 
 
-def dry_friction(file: JointFile, bodies: str = "mg") -> float:
-    """Return the dry friction that the bodies have at most, by all that their file states [N m].
+def dry_friction(file: JointFile) -> float:
+    """Return the dry friction that motor and gear have at most, by all that a file states [N m].
 
     These are the Coulomb levels of [parameters], or those that [effects.*] give instead, the larger
     of both directions, and what Stribeck friction and presliding add to them, breakaway included.
     Friction that grows with the transmitted torque is a share of every torque and not counted.
-
-    Args:
-        file: The joint file.
-        bodies: Letters of the bodies: m for the motor, g for the gear, l for the load.
     """
     stated = {name: file.effects[name] for name in DRY if name in file.effects}
-    known = any(f"d_c{b}{side}" in file.parameters for b in bodies for side in ("", "_n"))
+    known = any(f"d_c{b}{side}" in file.parameters for b in "mg" for side in ("", "_n"))
     if known and COULOMB not in stated and DIRECTED not in stated:
         stated[DIRECTED] = {}
     # friction acts in every structure and with every drive
@@ -35,4 +31,4 @@ def dry_friction(file: JointFile, bodies: str = "mg") -> float:
     for name, values in resolved.items():
         for parameter in EFFECTS[name].parameters:
             add_to(level, parameter, values[parameter.symbol])
-    return sum(max(level[f"d_c{b}"], level[f"d_c{b}_n"]) + level[f"d_s{b}"] for b in bodies)
+    return sum(max(level[f"d_c{b}"], level[f"d_c{b}_n"]) + level[f"d_s{b}"] for b in "mg")

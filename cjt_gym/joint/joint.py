@@ -245,7 +245,7 @@ class Joint:
         start = np.zeros(6) if x0 is None else checked_array("x0", x0, (6,))
         batch.arrays.state[0] = start
         batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
-        if start[3:].any() and samples:
+        if start[3:].any():
             batch.arrays.commands[0] = commands[0]
             if voltage is None:
                 batch.arrays.memory[0, [REFERENCE, LAGGED]] = commands[0, 0]
