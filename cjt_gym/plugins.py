@@ -18,14 +18,12 @@ from typing import Any
 
 from cjt_gym.errors import CjtGymWarning
 
-GROUPS = ("controllers", "effects", "tasks")
-
 
 def installed_rows(group: str, taken: Container[str]) -> Iterator[tuple[str, Any]]:
     """Give the names and the rows of a group.
 
     Args:
-        group: One of `GROUPS`.
+        group: "controllers", "effects" or "tasks".
         taken: Names that are not given.
 
     Warns:

@@ -53,32 +53,6 @@ class Limits:
     tau_joint: float
 
 
-class Plant(Protocol):
-    """A joint, simulated or real, that takes torque commands and gives measurements."""
-
-    @property
-    def dt(self) -> float:
-        """Control step [s]."""
-        ...
-
-    @property
-    def limits(self) -> Limits:
-        """What may be commanded and borne."""
-        ...
-
-    def reset(self, seed: int | None = None) -> Measurement:
-        """Start again and return the first measurement."""
-        ...
-
-    def step(self, command: Floats) -> Measurement:
-        """Command a motor torque [N m] for one control step and return the next measurement."""
-        ...
-
-    def close(self) -> None:
-        """Release what is held."""
-        ...
-
-
 @runtime_checkable
 class Law(Protocol):
     """What commands a plant: a controller, or whatever acts as one."""

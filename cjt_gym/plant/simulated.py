@@ -1,4 +1,4 @@
-"""A batch of simulated joints behind the Plant contract."""
+"""A batch of simulated joints that take torque commands and give measurements."""
 
 from __future__ import annotations
 

@@ -15,23 +15,18 @@ from cjt_gym.errors import (
     unknown_name,
 )
 
-DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "choice")
 OPERATIONS = ("set", "scale", "add")
 TIMES = ("once", "reset", "interval", "drift")
 ROUNDING = 1e-12  # of a sum of squares that is 1
 TAILS = 4.0  # standard deviations at which a normal draw is cut off unless told otherwise
-NEEDED = {
-    "uniform": ("low", "high"),
-    "log_uniform": ("low", "high"),
-    "normal": ("mean", "std"),
-    "choice": ("values",),
+TAKES = {  # what a distribution needs, and what it may have besides
+    "uniform": (("low", "high"), ()),
+    "log_uniform": (("low", "high"), ()),
+    "normal": (("mean", "std"), ("low", "high")),
+    "choice": (("values",), ("weights",)),
 }
-FOREIGN = {
-    "uniform": ("mean", "std", "values", "weights"),
-    "log_uniform": ("mean", "std", "values", "weights"),
-    "normal": ("values", "weights"),
-    "choice": ("low", "high", "mean", "std"),
-}
+DISTRIBUTIONS = tuple(TAKES)
+SHAPES = ("low", "high", "mean", "std", "values", "weights")
 
 
 @dataclass(frozen=True)
@@ -156,17 +151,16 @@ class Variation:
             raise ConfigurationError(
                 f"group must be a name, or several different ones, got {self.group!r}."
             )
-        if isinstance(self.correlation, tuple) and len(self.correlation) != len(names):
-            raise ConfigurationError(
-                f"correlation must be as many numbers as there are groups, got "
-                f"{len(self.correlation)} for {len(names)}."
-            )
         given = self.correlation if isinstance(self.correlation, tuple) else (self.correlation,)
-        if sum(x * x for x in given) > 1.0 + ROUNDING:
-            several = " (of several groups, the sum of their squares at most 1)"
+        if self.group is not None and len(given) != len(names):
             raise ConfigurationError(
-                f"correlation must be from -1 to 1{several if len(given) > 1 else ''}, got "
-                f"{', '.join(f'{x:g}' for x in given)}."
+                f"correlation must be as many numbers as there are groups, got {len(given)} for "
+                f"{len(names)}."
+            )
+        if sum(x * x for x in given) > 1.0 + ROUNDING:
+            raise ConfigurationError(
+                "correlation must be from -1 to 1 (of several groups, the sum of their squares at "
+                f"most 1), got {', '.join(f'{x:g}' for x in given)}."
             )
         if self.correlation != 1.0 and self.group is None:
             raise ConfigurationError(
@@ -252,17 +246,17 @@ def make_variation(name: str, spec: Any) -> Variation:
 
 def _check_keys(variation: Variation) -> None:
     kind = variation.distribution
-    for key in NEEDED[kind]:
-        if getattr(variation, key) in (None, ()):
+    needed, optional = TAKES[kind]
+    for key in SHAPES:
+        given = getattr(variation, key) not in (None, ())
+        if key in needed and not given:
             raise ConfigurationError(
-                f'distribution = "{kind}" needs {" and ".join(NEEDED[kind])}, got no {key}.'
+                f'distribution = "{kind}" needs {" and ".join(needed)}, got no {key}.'
             )
-    for key in FOREIGN[kind]:
-        if getattr(variation, key) not in (None, ()):
+        if given and key not in needed + optional:
             raise ConfigurationError(
                 f'distribution = "{kind}" has no {key}; it takes '
-                f"{', '.join(k for k in FOREIGN['choice'] + ('values',) if k not in FOREIGN[kind])}"
-                ". Remove it or change distribution."
+                f"{', '.join(needed + optional)}. Remove it or change distribution."
             )
 
 
