@@ -1,4 +1,4 @@
-"""The Plant contract and randomised joints."""
+"""A simulated plant: its limits, and what it has to do with its joint."""
 
 from __future__ import annotations
 
@@ -39,14 +39,6 @@ def test_a_batch_simulates_what_the_joint_simulates() -> None:
     record = p.joint.simulate(np.append(wanted, 0.0), dt_physics=1e-4)
     np.testing.assert_array_equal(seen[:, 0], record["tau"][1:])
     np.testing.assert_array_equal(seen[:, 0], seen[:, 2])
-
-
-def test_a_level_that_is_drawn_is_that_of_both_directions() -> None:
-    p = plant(50, randomization={"coulomb.d_cm": {"low": 1.0, "high": 3.0, "operation": "set"}})
-    p.reset(seed=1)
-    q = p.batch.arrays.p
-    np.testing.assert_array_equal(q["d_cm"], q["d_cm_n"])
-    assert p.parameters(7)["coulomb.d_cm"] == q["d_cm"][7]
 
 
 def test_a_delay_may_be_randomised_up_to_its_longest() -> None:

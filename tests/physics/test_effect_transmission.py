@@ -30,6 +30,13 @@ NAME = "orange_80_6000"
 ELASTIC = [name for name in STRUCTURES if name != "rigid"]
 GAP, OFFSET = 4e-3, 3e-4
 PLAY: Effects = {"backlash": {"gap": GAP, "offset": OFFSET}}
+HARD: Effects = {"hardening": {"k_3": 1e8}}
+TABLE: Effects = {
+    "spring_table": {
+        "deflection": (-0.04, -0.02, -0.005, 0.0, 0.01, 0.03),
+        "torque": (-300.0, -120.0, -20.0, 0.0, 30.0, 200.0),
+    }
+}
 
 
 # -------------------------------------------------------------------------------- backlash
@@ -77,9 +84,9 @@ def test_bouncing_in_the_play_has_its_period(structure: str) -> None:
 @pytest.mark.parametrize("structure", ELASTIC)
 @pytest.mark.parametrize("h", [1e-5, 1e-4, 1e-3])
 @pytest.mark.parametrize(
-    "effects", [PLAY, {"hardening": {"k_3": 1e8}}, PLAY | {"hardening": {"k_3": 1e8}}], ids=str
+    "effects", [PLAY, HARD, PLAY | HARD, TABLE, PLAY | TABLE], ids=lambda effects: " ".join(effects)
 )
-def test_play_and_hardening_conserve_energy(effects: Effects, h: float, structure: str) -> None:
+def test_springs_conserve_energy(effects: Effects, h: float, structure: str) -> None:
     """Impacts included, at every step; 1e-11 is the rounding of 1000 steps."""
     joint = lossless(structure, effects)
     moving = 0.0 if joint.structure_row.output_fixed else 2.0

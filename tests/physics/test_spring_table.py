@@ -73,22 +73,6 @@ def test_the_joint_settles_where_the_table_says() -> None:
     assert float(PchipInterpolator(X, TAU)(bend)) == pytest.approx(100.0, rel=1e-3)
 
 
-def test_energy_stays_without_friction() -> None:
-    joint = tabled(
-        "full_dynamics", parameters=dict.fromkeys(("d_m", "d_g", "d_l", "d_mg", "d_gl"), 0.0)
-    )
-    x0 = np.array([0.02, 0.02, 0.0, 0.0, 0.0, 0.0])
-    record = joint.simulate(np.zeros(400), dt=1e-3, dt_physics=1e-4, x0=x0)
-    curve = PchipInterpolator(X, TAU)
-    p = joint.parameters
-    bend = record["true_q_g"] - record["true_q_l"]
-    energy = np.array([float(curve.integrate(0.0, x)) for x in bend])
-    energy += 0.5 * p.k_g * (record["true_q_m"] - record["true_q_g"]) ** 2
-    for body, inertia in (("m", p.I_m), ("g", p.I_g), ("l", p.I_l)):
-        energy += 0.5 * inertia * record[f"true_dq_{body}"] ** 2
-    np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
-
-
 def test_its_scale_varies_and_a_batch_is_its_members() -> None:
     plant = SimulatedPlant(tabled(), 3, randomization={"spring_table.scale": (0.8, 1.2)})
     alone = [
