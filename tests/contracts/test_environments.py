@@ -78,9 +78,17 @@ def test_the_last_value_of_an_array_holds() -> None:
     np.testing.assert_allclose(ahead, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", BATCHED)
-def test_a_member_of_a_batch_equals_a_single_environment_bit_for_bit(name: str) -> None:
-    arguments = {"effects": REAL, "randomization": RANDOM, "episode_steps": 60}
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        *((name, {}) for name in BATCHED),
+        (BATCHED[0], {"drive": "dq", "randomization": "mild"}),  # with a current loop
+    ],
+)
+def test_a_member_of_a_batch_equals_a_single_environment_bit_for_bit(
+    name: str, more: dict[str, Any]
+) -> None:
+    arguments = {"effects": REAL, "randomization": RANDOM, "episode_steps": 60} | more
     batch = gym.make_vec(name, num_envs=3, **arguments)
     singles = [make(name, **arguments) for _ in range(3)]
     seen, _ = batch.reset(seed=11)

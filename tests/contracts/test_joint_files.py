@@ -226,10 +226,3 @@ def test_inertias_are_read_as_datasheets_write_them(unit: str) -> None:
 def test_wrong_types_are_refused_in_words(arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(CjtGymError, match=words):
         load_joint(**arguments)
-
-
-def test_a_simulation_calls_its_sample_time_by_its_own_name() -> None:
-    joint = load_joint("emps")
-    for dt in (0.0, 1.05e-5):
-        with pytest.raises(CjtGymError, match="^dt must be"):
-            joint.simulate(np.zeros(3), dt=dt)
