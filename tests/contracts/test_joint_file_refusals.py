@@ -156,9 +156,13 @@ REFUSED = {
         HEAD + "[sensors.q_m]\n[sensors.q_m]\n",
         ["Cannot declare ('sensors', 'q_m') twice", "only once"],
     ),
-    "channel twice in an effect": (
-        HEAD + '[effects.noise]\nchannel = ["q_m", "tau", "q_m"]\n',
-        ["channel of [effects.noise]", "'q_m' twice"],
+    "several channels in an effect": (
+        HEAD + '[effects.noise]\nchannel = ["q_m", "tau"]\n',
+        ["channel of [effects.noise]", "{ value = ..., unit"],
+    ),
+    "truth in an effect": (
+        HEAD + "[effects.coulomb]\nd_cm = true\n",
+        ["d_cm of [effects.coulomb]", "{ value = ..., unit", "got True"],
     ),
     "parameter twice": (entries(KB, KB), ["is not valid TOML", "only once"]),
     "no TOML": ("k_b: 6000", ["is not valid TOML"]),

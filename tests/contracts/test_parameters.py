@@ -333,8 +333,7 @@ def parameter_sets(draw: st.DrawFn) -> JointParameters:
 def joint_files(draw: st.DrawFn) -> JointFile:
     p = draw(parameter_sets())
     lists = NUMBER | st.lists(NUMBER).map(tuple)
-    names = st.lists(TEXT, min_size=1, unique=True).map(tuple)
-    setting = quantities(TEXT, lists) | TEXT | st.booleans() | names
+    setting = quantities(TEXT, lists) | TEXT
     effects = st.dictionaries(TEXT, st.dictionaries(TEXT, setting, max_size=3), max_size=3)
     positive = st.floats(0.0, 1e300).map(lambda x: x + 0.0)
     sensors = {}

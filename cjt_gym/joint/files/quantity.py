@@ -87,7 +87,7 @@ class Quantity:
         return replace(self, value=each(self.value), low=low, high=high, unit=unit)
 
 
-Setting = Quantity | str | bool | tuple[str, ...]  # what an entry of [effects.*] may be
+Setting = Quantity | str  # what an entry of [effects.*] may be
 Plain = bool | int | float | str | tuple["Plain", ...] | FrozenMapping["Plain"]
 """What an entry of [found] may be."""
 

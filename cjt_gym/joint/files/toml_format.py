@@ -125,14 +125,7 @@ def _parse_effects(
 
 
 def _parse_setting(value: object, owner: str) -> Setting:
-    if isinstance(value, str | bool):
-        return value
-    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
-        for item in value:
-            if value.count(item) > 1:
-                raise ParameterError(f"{owner} names {item!r} twice. Keep one of them.")
-        return tuple(value)
-    return parse_quantity(value, owner)
+    return value if isinstance(value, str) else parse_quantity(value, owner)
 
 
 def _parse_sensors(
