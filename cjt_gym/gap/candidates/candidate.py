@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.candidates.number import Number, Starts
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 
@@ -27,8 +27,7 @@ class Candidate:
     touches: tuple[str, ...]  # stages that it changes
     body: str | None = None  # motor, gear or load, if there is a choice
     channel: str | None = None  # channel, if there is a choice
-    # starting points of a fit, each with one value per unknown
-    starts: tuple[tuple[float, ...], ...] = ()
+    starts: Starts = ()
     family: str = ""  # effects that are compared with each other when one of them leads
     releases: str | None = None  # datasheet field that it sets free, if that is all it does
     # kind of periodic torque whose frequency is searched in the residual, if any

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
@@ -33,41 +35,30 @@ def drive_rows(setting: Setting) -> list[Candidate]:
     least, most = 1e-4 * peak, 0.5 * peak
     step = Number("resolution", unit, 0.05 * peak, 2.0, True, least, most, shape=True)
 
+    row = partial(Candidate, stage="drive", touches=touches, family="drive")
     return [
-        Candidate(
+        row(
             "command_delay",
-            "drive",
-            (delay,),
-            lambda f, v: f.update(delay=f["delay"] + v["delay"]),
-            touches,
+            unknowns=(delay,),
+            apply=lambda f, v: f.update(delay=f["delay"] + v["delay"]),
             starts=tuple((k * dt,) for k in (0.5, 1.5, 3.0, 6.0, 12.0)),
-            family="drive",
         ),
-        Candidate(
+        row(
             "current_lag",
-            "drive",
-            (lag,),
-            lambda f, v: f.update(lag=1.0 / (2.0 * np.pi * v["bandwidth"])),
-            touches,
+            unknowns=(lag,),
+            apply=lambda f, v: f.update(lag=1.0 / (2.0 * np.pi * v["bandwidth"])),
             starts=((300.0,), (100.0,), (30.0,), (8.0,)),
-            family="drive",
         ),
-        Candidate(
+        row(
             "current_saturation",
-            "drive",
-            (limit,),
-            lambda f, v: f.update(i_max=min(f["i_max"], v["i_max"])),
-            touches,
+            unknowns=(limit,),
+            apply=lambda f, v: f.update(i_max=min(f["i_max"], v["i_max"])),
             starts=tuple((x * peak,) for x in (0.97, 0.85, 0.6, 0.35, 0.18)),
-            family="drive",
         ),
-        Candidate(
+        row(
             "command_quantization",
-            "drive",
-            (step,),
-            lambda f, v: f.update(step=v["resolution"]),
-            touches,
-            family="drive",
+            unknowns=(step,),
+            apply=lambda f, v: f.update(step=v["resolution"]),
             search="step",
         ),
     ]

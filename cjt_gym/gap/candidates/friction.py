@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import BODIES, Apply, Candidate, Scales, Values, most_damping
-from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.candidates.nuisances import stages_of
+from cjt_gym.gap.candidates.number import Number, Starts
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint.effects.motor import DQ_0
@@ -16,12 +17,8 @@ SHARP = 0.03
 
 def friction_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the laws of friction of the motor side."""
-    bodies = ["m", "g"] if setting.has_gear else ["m"]
-    rows = []
-    for body in bodies:
-        touches = setting.stages_of("motor", "transmission") if body == "g" else ("motor",)
-        rows += friction_of(setting, size, body, "motor", touches)
-    return rows
+    bodies = "mg" if setting.has_gear else "m"
+    return [row for body in bodies for row in friction_of(setting, size, body)]
 
 
 def _widest(speed: float) -> float:
@@ -33,9 +30,7 @@ def _widest(speed: float) -> float:
     return max(SHARP * speed, min(DQ_0.high, 3.0 * speed))
 
 
-def friction_of(
-    setting: Setting, size: Scales, body: str, stage: str, touches: tuple[str, ...]
-) -> list[Candidate]:
+def friction_of(setting: Setting, size: Scales, body: str) -> list[Candidate]:
     """Return the laws of friction of one body, by its letter."""
     torque, speed = size.torque, size.speed
     p, n = f"d_c{body}", f"d_c{body}_n"
@@ -58,16 +53,16 @@ def friction_of(
     )
 
     def row(
-        name: str, unknowns: tuple[Number, ...], apply: Apply, starts: object, variant: str = ""
+        name: str, unknowns: tuple[Number, ...], apply: Apply, starts: Starts, variant: str = ""
     ) -> Candidate:
         return Candidate(
             name,
-            stage,
+            "load" if body == "l" else "motor",
             unknowns,
             apply,
-            touches,
+            stages_of(setting, f"c_p_{body}"),
             body=BODIES[body],
-            starts=starts,  # type: ignore[arg-type]
+            starts=starts,
             family="friction",
             variant=variant,
         )
@@ -127,8 +122,7 @@ def friction_of(
 
 def damping_of(setting: Setting, size: Scales, body: str) -> Candidate:
     """Return the viscous friction of one body, by its letter, beyond its tolerance."""
-    cut = {"m": ("motor",), "g": ("motor", "transmission"), "l": ("load",)}[body]
-    touches = setting.stages_of(*cut)
+    touches = stages_of(setting, f"d_{body}")
     unit = setting.joint.parameters.unit(f"d_{body}")
     typical = size.torque / size.speed
     start = setting.nominal[f"d_{body}"]

@@ -17,7 +17,7 @@ def load_rows(setting: Setting, size: Scales) -> list[Candidate]:
     rows = [released(setting, "I_l", "load_inertia", "load")]
     if setting.cut is Cut.NOWHERE:
         return rows
-    rows += friction_of(setting, size, "l", "load", ("load",))
+    rows += friction_of(setting, size, "l")
     rows.append(damping_of(setting, size, "l"))
     torque = max(setting.sprung_torque, 1e-9)
     gravity = Candidate(

@@ -87,25 +87,18 @@ def nuisances_of_others(
 
 def stages_of(setting: Setting, field: str) -> tuple[str, ...]:
     """Return the stages that depend on a field of the chain."""
+    both = ("motor", "transmission")
+    of_body = {"m": ("motor",), "g": both if setting.has_gear else ("motor",), "l": ("load",)}
     touched = {
         "k_t": ("motor",),
-        "I_m": ("motor",),
-        "d_m": ("motor",),
-        "I_g": ("motor", "transmission") if setting.has_gear else ("motor",),
-        "d_g": ("motor", "transmission") if setting.has_gear else ("motor",),
-        "k_g": ("motor", "transmission"),
-        "d_mg": ("motor", "transmission"),
+        "k_g": both,
+        "d_mg": both,
         "k_b": ("transmission",),
         "d_gl": ("transmission",),
-        "I_l": ("load",),
-        "d_l": ("load",),
-        "c_p_m": ("motor",),
-        "c_p_g": ("motor", "transmission") if setting.has_gear else ("motor",),
-        "c_p_l": ("load",),
         "grav_a": ("load",),
         "grav_b": ("load",),
-    }[field]
-    return setting.stages_of(*touched)
+    }
+    return setting.stages_of(*(touched.get(field) or of_body[field[-1]]))
 
 
 def tolerance(setting: Setting, field: str) -> float:
@@ -161,8 +154,7 @@ def _parameters(setting: Setting) -> list[Nuisance]:
         scale = _lumped_tolerance(setting, name)
         unit = setting.joint.parameters.unit(name)
         most = ANYWHERE if _is_guess(setting, name) else FURTHEST
-        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), most)
-        unknown = Number(name, unit, start, scale, True, low=start / far, high=start * far)
+        unknown = _relative(name, unit, setting.nominal[name], scale, most)
         along = guesses_of(setting, name[2])[1:] if name.startswith("I_") else ()
         rows.append(Nuisance(name, unknown, stages_of(setting, name), along))
     if setting.has_spring and not is_stated(setting.joint):
@@ -181,9 +173,7 @@ def _friction(setting: Setting) -> list[Nuisance]:
         listed, start = listed_levels.get(symbol), setting.nominal[field]
         if not isinstance(listed, Quantity) or not listed.tolerance or start <= 0.0:
             continue
-        scale = listed.tolerance
-        far = min(float(np.exp(STRETCH * scale)), FURTHEST)
-        unknown = Number(field, "N m", start, scale, True, low=start / far, high=start * far)
+        unknown = _relative(field, "N m", start, listed.tolerance, FURTHEST)
         rows.append(Nuisance(field, unknown, stages_of(setting, field), (f"c_n_{field[-1]}",)))
     return rows
 
@@ -197,10 +187,15 @@ def _weight(setting: Setting) -> list[Nuisance]:
     start, scale = setting.nominal[field], listed.tolerance or GUESSED
     if start == 0.0:
         return []
-    far = min(float(np.exp(STRETCH * scale)), ANYWHERE if listed.guess else FURTHEST)
-    low, high = sorted((start / far, start * far))
-    unknown = Number(field, "N m", start, scale, True, low=low, high=high)
+    unknown = _relative(field, "N m", start, scale, ANYWHERE if listed.guess else FURTHEST)
     return [Nuisance(field, unknown, stages_of(setting, field), (other,))]
+
+
+def _relative(field: str, unit: str, start: float, scale: float, most: float) -> Number:
+    """Return a value known within a relative deviation, which may change by a factor at most."""
+    far = min(float(np.exp(STRETCH * scale)), most)
+    low, high = sorted((start / far, start * far))
+    return Number(field, unit, start, scale, log=True, low=low, high=high)
 
 
 def _lumped_tolerance(setting: Setting, name: str) -> float:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+Starts = tuple[tuple[float, ...], ...]
+"""Starting points of a fit, each with one value per number."""
 STEP = 0.02
 """Usual step of a finite difference, in units of a coordinate."""
 

@@ -14,7 +14,7 @@ from scipy.signal import lfilter, savgol_filter
 
 from cjt_gym.gap.candidates.candidate import Apply, Candidate, Scales, Values, scales
 from cjt_gym.gap.candidates.disturbance import Disturbance, field_of
-from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.candidates.number import Number, Starts
 from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.recorded.series import Series
@@ -56,7 +56,7 @@ class Outside:
         channel: str,
         unknowns: tuple[Number, ...],
         signal: Signal,
-        starts: tuple[tuple[float, ...], ...] | None = None,
+        starts: Starts | None = None,
         search: str | None = None,
     ) -> None:
         """Add a candidate that adds a signal to a channel."""
@@ -92,7 +92,7 @@ def outside_rows(setting: Setting) -> Outside:
     _rubbing(found)
     if "q_m" in setting.series.derived:
         return found
-    _encoder(found, "q_m", size)
+    _encoder(found, "q_m")
     if setting.cut is Cut.BY_TORQUE:
         _torque_sensor(found)
         _bar(found)
@@ -100,7 +100,7 @@ def outside_rows(setting: Setting) -> Outside:
     if sides and not setting.structure.output_fixed and "q_l" in setting.series:
         speed = max(float(np.std(setting.series.speed("q_l"))), 1e-9)
         _on_body(found, "l", max(setting.sprung_torque, 1e-9), speed)
-        _encoder(found, "q_l", size)
+        _encoder(found, "q_l")
     return found
 
 
@@ -168,9 +168,7 @@ def _drive(found: Outside) -> None:
     found.add("hum", hum, "i", _wave(found.size.current, "A"), wave_in_time, search="i")
 
 
-def _of_drive(
-    name: str, text: str, unknown: Number, apply: Apply, starts: tuple[tuple[float, ...], ...]
-) -> Candidate:
+def _of_drive(name: str, text: str, unknown: Number, apply: Apply, starts: Starts) -> Candidate:
     return Candidate(
         name,
         "drive",
@@ -260,9 +258,9 @@ def wave_in_angle(angle: str) -> Signal:
     return signal
 
 
-def _encoder(found: Outside, angle: str, size: Scales) -> None:
+def _encoder(found: Outside, angle: str) -> None:
     n = max(abs(found.setting.nominal["n"]), 1.0)
-    scale = max(size.deflection, 10.0 * found.setting.std(angle))
+    scale = max(found.size.deflection, 10.0 * found.setting.std(angle))
     own = {1.0, 2.0, n, 2.0 * n} if angle == "q_m" else {1.0, 2.0}
     f = Number("f", "1/rev", 1.0, 1.0, low=0.2, high=4.0 * n, prior=False)
     unknowns = (f, Number("a", "rad", 0.0, scale), Number("b", "rad", 0.0, scale))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Apply, Candidate
-from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.candidates.number import Number, Starts
 from cjt_gym.gap.recorded.setting import Setting
 
 
@@ -17,7 +17,7 @@ def sensing_rows(setting: Setting) -> list[Candidate]:
     bias = Number("bias", "N m", 0.0, max(float(np.std(setting.series["tau"])), 1e-9))
     late = Number("delay", "s", 0.0, 3.0 * dt, low=0.0, high=60.0 * dt)
 
-    def row(name: str, unknown: Number, apply: Apply, starts: object) -> Candidate:
+    def row(name: str, unknown: Number, apply: Apply, starts: Starts) -> Candidate:
         return Candidate(
             name,
             "sensing",
@@ -25,7 +25,7 @@ def sensing_rows(setting: Setting) -> list[Candidate]:
             apply,
             touches,
             channel="tau",
-            starts=starts,  # type: ignore[arg-type]
+            starts=starts,
             family="sensing",
         )
 

@@ -33,36 +33,28 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Candidate]:
 
     if setting.has_gear and setting.cut is Cut.BY_TORQUE:
         rows += [_gear_play(play, centre, x, pulls) for pulls in (False, True)]
+    row = partial(Candidate, stage="transmission", touches=touches, family="spring")
     return [
         *rows,
-        Candidate(
+        row(
             "backlash",
-            "transmission",
-            (play, centre),
-            lambda f, v: f.update(play=v["b"], q_0=f["q_0"] + v["centre"]),
-            touches,
+            unknowns=(play, centre),
+            apply=lambda f, v: f.update(play=v["b"], q_0=f["q_0"] + v["centre"]),
             starts=tuple((w * x, c * w * x) for w in (0.03, 0.2) for c in (-0.4, 0.0, 0.4)),
-            family="spring",
             variant="bar",
         ),
-        Candidate(
+        row(
             "hardening",
-            "transmission",
-            (hard,),
-            lambda f, v: f.update(hard=v["c"]),
-            touches,
+            unknowns=(hard,),
+            apply=lambda f, v: f.update(hard=v["c"]),
             starts=((0.0,),),
-            family="spring",
         ),
         *(
-            Candidate(
+            row(
                 "spring_hysteresis",
-                "transmission",
-                (torque, width),
-                partial(_hysteresis, exponent),
-                touches,
+                unknowns=(torque, width),
+                apply=partial(_hysteresis, exponent),
                 starts=tuple((0.02 * torque.scale, w * x) for w in (0.05, 0.3, 1.0)),
-                family="spring",
                 variant=variant,
             )
             for variant, exponent in HYSTERESES.items()
