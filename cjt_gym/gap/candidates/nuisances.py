@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.recorded.cut import Cut
-from cjt_gym.gap.recorded.fields import Fields, own_field
+from cjt_gym.gap.recorded.fields import Fields, body_group, own_field
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.recorded.spring_damping import SYMBOL, critical, is_stated
 from cjt_gym.gap.recorded.tolerances import GUESSED, assumed_tolerance, tolerance_of
@@ -115,9 +116,7 @@ def tolerance(setting: Setting, field: str) -> float:
 
 def guesses_of(setting: Setting, body: str) -> tuple[str, ...]:
     """Return the guessed inertias of the bodies that move as one with a body."""
-    groups = setting.structure.groups
-    own = groups["mgl".index(body)]
-    together = [f"I_{b}" for b, group in zip("mgl", groups, strict=True) if group == own >= 0]
+    together = [f"I_{b}" for b in body_group(setting.structure, body)]
     return tuple(s for s in together if setting.nominal[s] > 0.0 and _is_guess(setting, s))
 
 
@@ -200,15 +199,11 @@ def _relative(field: str, unit: str, start: float, scale: float, most: float) ->
 
 def _lumped_tolerance(setting: Setting, name: str) -> float:
     """Return the tolerance of a value, including those of values lumped with it."""
-    groups = setting.structure.groups
-    own = {"I": 0, "d": 0}
-    if name[0] not in own or name[1:] not in ("_m", "_g", "_l"):
+    if not re.fullmatch("[Id]_[mgl]", name):
         return tolerance(setting, name)
     if name[0] == "I" and guesses_of(setting, name[2]) and not setting.too_slow:
         return GUESSED
-    body = "mgl".index(name[2])
-    together = [b for b in range(3) if groups[b] == groups[body] and groups[body] >= 0]
-    fields = [f"{name[0]}_{'mgl'[b]}" for b in together]
+    fields = [name[:2] + body for body in body_group(setting.structure, name[2])]
     total = sum((tolerance(setting, f) * setting.nominal[f]) ** 2 for f in fields)
     return float(np.sqrt(total)) / setting.nominal[name]
 

@@ -53,6 +53,11 @@ class Balance:
     def __contains__(self, name: object) -> bool:
         return name in self.columns
 
+    @property
+    def inertia(self) -> float:
+        """Inertia that it shows, beside friction and a constant torque [kg m^2]."""
+        return float(factors(self.y, [self[name] for name in ("a", "v", "s", "one")])[0])
+
     def least(self, term: Floats, against: Sequence[str]) -> float:
         """Return the smallest identifiable factor of a term [N m per unit of the term].
 

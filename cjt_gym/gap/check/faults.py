@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import factors
 from cjt_gym.gap.check.bus import LOOP, bus
 from cjt_gym.gap.check.channels import FEW_COUNTS
 from cjt_gym.gap.check.clock import clock, gaps
@@ -133,7 +132,7 @@ def _not_reflected(view: View) -> list[str]:
     own, balance, square = view.value("I_m"), view.motor, view.ratio**2
     if own <= 0.0 or balance is None or balance.coasts or view.ratio < GEARED:
         return []
-    shown = float(factors(balance.y, [balance[name] for name in ("a", "v", "s", "one")])[0])
+    shown = balance.inertia
     rest = sum(view.value(name) for name in view.inertias if name != "I_m")
     times = (shown - rest) / own
     if not square / ABOUT < times < ABOUT * square:

@@ -107,14 +107,18 @@ def inertia(view: View, balance: Balance) -> Verdict:
         return fast
     if balance.coasts:
         return Unseen(COASTS, "Record motion under a torque that is measured or commanded.")
-    size = balance.least(balance["a"], ("v", "s", "one"))
-    found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
     nominal = sum(view.value(name) for name in view.inertias)
     unit = view.inertia_unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
-    if size <= INERTIA * max(nominal, found):
+    quick = "Record quick motion: steps of the current, or a chirp."
+    return seen_inertia(balance, nominal, unit, quick)
+
+
+def seen_inertia(balance: Balance, nominal: float, unit: str, instead: str) -> Verdict:
+    """Judge whether an inertia that is wrong by as much as it is would show."""
+    size = balance.least(balance["a"], ("v", "s", "one"))
+    if size <= INERTIA * max(nominal, abs(balance.inertia)):
         return Seen(size, unit)
-    why = f"{only_from(size, unit)}, more than the joint has"
-    return Unseen(why, "Record quick motion: steps of the current, or a chirp.")
+    return Unseen(f"{only_from(size, unit)}, more than the joint has", instead)
 
 
 def too_fast(view: View) -> Unseen | None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import factors
-from cjt_gym.gap.check.friction import INERTIA, seen
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
+from cjt_gym.gap.check.friction import seen, seen_inertia
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance
 from cjt_gym.gap.check.view import View
 
 WEIGHT = 1.0
@@ -37,14 +36,8 @@ def load_inertia(view: View) -> Verdict:
         return none
     balance = view.load
     assert balance is not None
-    size = balance.least(balance["a"], ("v", "s", "one"))
-    found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
-    unit = view.inertia_unit
-    if size <= INERTIA * max(found, view.value("I_l")):
-        return Seen(size, unit)
-    return Unseen(
-        f"{only_from(size, unit)}, more than the joint has", "Record quick motion of the load."
-    )
+    quick = "Record quick motion of the load."
+    return seen_inertia(balance, view.value("I_l"), view.inertia_unit, quick)
 
 
 def load_coulomb(view: View) -> Verdict:

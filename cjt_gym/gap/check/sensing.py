@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.check.contradictions import coarser
+from cjt_gym.gap.check.drive import LATEST, LEAST_DELAY
 from cjt_gym.gap.check.friction import TURN, one_way, seen, two_ways
 from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.transmission import BESIDE, no_spring, spring
@@ -14,10 +15,6 @@ from cjt_gym.joint.kernel.arrays import Floats
 
 GAIN = 0.3
 """Upper limit on the smallest identifiable gain error."""
-LATEST = 0.03
-"""Upper limit on the smallest identifiable delay [s]."""
-LEAST_DELAY = 0.25
-"""Share of a sample below which no delay is identifiable."""
 STEPS = 8.0
 """Least range of a channel, in steps of its resolution."""
 MEASURED = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")

@@ -13,6 +13,7 @@ from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
 from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
 from cjt_gym.gap.recorded.bridged import bridged
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.joint import STRUCTURES, JointFile, Structure, get_structure
 from cjt_gym.joint.kernel.arrays import Floats
@@ -126,8 +127,7 @@ class View:
     @cached_property
     def motor_angle(self) -> str | None:
         """The channel of the motor's motion: an angle, a velocity, or tau; or None."""
-        groups = self.structure.groups
-        bodies = [b for b, group in zip("mgl", groups, strict=True) if group == groups[0]]
+        bodies = body_group(self.structure, "m")
         names = [*(f"q_{b}" for b in bodies), *(f"dq_{b}" for b in bodies)]
         found = next((name for name in names if name in self.channels), None)
         held = self.structure.output_fixed and "tau" in self.channels

@@ -10,14 +10,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from cjt_gym.gap.recorded.series import HOLE
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 from cjt_gym.records.repair_notes import counted
 
-Floats = NDArray[np.float64]
 INPUTS = ("i", "i_cmd", "v", "tau_cmd", "tau_m", "tau_l")
 """Channels that must change slowly."""
 LONGEST = 0.06

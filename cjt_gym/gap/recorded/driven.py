@@ -16,9 +16,9 @@ from scipy.ndimage import uniform_filter1d
 
 from cjt_gym.gap.recorded.series import SHORTEST
 from cjt_gym.joint import Structure
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 INPUTS = ("i_cmd", "tau_cmd", "i", "tau_m")
 """Channels of which each that is recorded is zero while the motor is off."""

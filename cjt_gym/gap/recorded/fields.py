@@ -72,6 +72,12 @@ def nominal_fields(joint: JointFile, structure: Structure) -> Fields:
     return fields
 
 
+def body_group(structure: Structure, body: str) -> str:
+    """Return the letters of the bodies that move as one with a given one."""
+    group = structure.groups["mgl".index(body)]
+    return "".join(b for b, g in zip("mgl", structure.groups, strict=True) if g == group)
+
+
 def check_bodies(p: JointParameters, structure: Structure) -> None:
     """Refuse a joint of which a body that moves, or the motor, has no inertia.
 

@@ -16,10 +16,11 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from cjt_gym.errors import RecordError
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
 SHORTEST = 50
 """Minimum number of samples of a record. Several of 73 and 85, a second each from the buffers of
@@ -302,8 +303,7 @@ def _add_motor_angle(
     """
     if "q_m" in columns:
         return frozenset()
-    groups = structure.groups
-    moving = [body for body, group in zip("mgl", groups, strict=True) if group == groups[0]]
+    moving = body_group(structure, "m")
     for body in moving:
         if f"q_{body}" in columns:
             columns["q_m"] = columns[f"q_{body}"]

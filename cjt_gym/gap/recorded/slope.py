@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records.doubts import ALIKE, LATE, lag_of
 
-Floats = NDArray[np.float64]
 AHEAD = 0.5
 """Time over which a velocity is integrated [s], or half the record's if that is shorter."""
 FEWEST = 5

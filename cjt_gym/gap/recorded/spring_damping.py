@@ -10,6 +10,7 @@ import math
 from dataclasses import replace
 
 from cjt_gym.gap.digits import plain
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.files.quantity import Quantity
 
@@ -29,12 +30,8 @@ def critical(file: JointFile, shape: Structure) -> float:
     That is the load or, if the output is fixed, the motor with what moves as one with it.
     """
     p = file.parameters
-    held = shape.groups[0 if shape.output_fixed else 2]
-    inertia = sum(
-        p.get(f"I_{body}", 0.0)
-        for body, group in zip("mgl", shape.groups, strict=True)
-        if group == held
-    )
+    held = body_group(shape, "m" if shape.output_fixed else "l")
+    inertia = sum(p.get(f"I_{body}", 0.0) for body in held)
     return 2.0 * math.sqrt(p.get("k_b", 0.0) * inertia) if shape.has_spring else 0.0
 
 

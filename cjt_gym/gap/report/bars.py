@@ -12,7 +12,6 @@ from cjt_gym.gap.diagnosis import GapSize, StageGap
 from cjt_gym.gap.evidence import Regime, Step
 from cjt_gym.gap.report.drawing import AFTER, BEFORE, INK, PAPER, SOFT, legend, log_x, svg
 from cjt_gym.gap.report.words import (
-    MINUS,
     SPACE,
     effect_name,
     noise_floor,
@@ -47,7 +46,7 @@ def waterfall(steps: Sequence[Step], gap: GapSize) -> str:
     def paint(axes: Axes) -> None:
         for k, step in enumerate(steps):
             _draw_step(axes, k, step, steps[k - 1].error if k else None)
-        _write_row(axes, len(steps), "Noise floor", noise_floor(gap), colour=SOFT)
+        _write_row(axes, len(steps), "Noise floor", noise_floor(gap), SOFT)
         axes.axvline(gap.floor, color=SOFT, linestyle="--", linewidth=1.2)
         axes.set_ylim(len(steps) + 0.1, -0.6)
         axes.set_yticks([])
@@ -68,26 +67,16 @@ def _draw_step(axes: Axes, row: int, step: Step, last: float | None) -> None:
     middle, half = 0.5 * (step.low + step.high), 0.5 * (step.high - step.low)
     axes.errorbar(middle, row, xerr=half, color=INK, capsize=3.0)
     name = STEPS.get(step.name) or f"+ {effect_name(step.name, step.body, step.channel)}"
-    change = "" if last is None else _change(last, step.error)
-    _write_row(axes, row, name, percent(step.error), change)
+    _write_row(axes, row, name, percent(step.error))
 
 
-def _write_row(
-    axes: Axes, row: int, name: str, value: str, change: str = "", colour: str = INK
-) -> None:
+def _write_row(axes: Axes, row: int, name: str, value: str, colour: str = INK) -> None:
     """Write above a bar what it is, and its value at the end of the axes."""
     look: Any = {"transform": axes.get_yaxis_transform(), "verticalalignment": "bottom"}
     behind = {"facecolor": PAPER, "edgecolor": "none", "pad": 0.6}
     axes.text(0.0, row - 0.26, name, color=colour, bbox=behind, **look)
     look["horizontalalignment"] = "right"
-    axes.text(0.88, row - 0.26, change, color=SOFT, bbox=behind, **look)
     axes.text(1.0, row - 0.26, value, color=colour, weight="bold", bbox=behind, **look)
-
-
-def _change(last: float, now: float) -> str:
-    change = 100.0 * (now - last)
-    sign = "+" if change > 0.0 else MINUS
-    return f"{sign}{number(abs(change), 2)} points" if abs(change) >= 0.005 else "±0 points"
 
 
 def stage_bars(stages: Mapping[str, StageGap], explained: bool) -> str:

@@ -127,31 +127,31 @@ def _even(x: Floats) -> Floats:
 
 
 def _over(name: str, unit: str, values: Floats, edges: Floats) -> Axis:
-    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    summed = _summed(values, edges)
 
     def total(residual: Floats) -> tuple[Floats, Floats]:
-        counted = residual != 0.0
-        squares = np.bincount(
-            index[counted], weights=residual[counted] ** 2, minlength=len(edges) - 1
-        )
-        count = np.bincount(index[counted], minlength=len(edges) - 1).astype(np.float64)
-        return np.asarray(squares, dtype=np.float64), count
+        return summed(residual**2), summed((residual != 0.0).astype(np.float64))
 
     return Axis(name, unit, edges, total)
+
+
+def _summed(values: Floats, edges: Floats) -> Callable[[Floats], Floats]:
+    """Return the function that sums weights, one for each value, in the bins between edges."""
+    bins = len(edges) - 1
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
+    return lambda weights: np.asarray(np.bincount(index, weights, bins), dtype=np.float64)
 
 
 def _frequency(dt: float, size: int) -> Axis:
     f = np.asarray(np.fft.rfftfreq(size, dt), dtype=np.float64)
     start = min(1.0, f[-1] / 10.0)
     edges = np.concatenate([[0.0], np.geomspace(start, f[-1], BINS)])
-    index = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, BINS - 1)
+    summed = _summed(f, edges)
+    lines = summed(np.ones(len(f)))
 
     def total(residual: Floats) -> tuple[Floats, Floats]:
         power = np.abs(np.fft.rfft(residual)) ** 2 * 2.0 / size
-        squares = np.bincount(index, weights=power, minlength=BINS)
-        expected = np.count_nonzero(residual) / len(f)
-        noise = expected * np.bincount(index, minlength=BINS).astype(np.float64)
-        return np.asarray(squares, dtype=np.float64), noise
+        return summed(power), np.count_nonzero(residual) / len(f) * lines
 
     return Axis("frequency", "Hz", edges, total)
 
@@ -188,11 +188,10 @@ def _cycles(q: Floats, moved: Floats, residual: Floats, metre: bool) -> Axis | N
     outside = wide[np.abs(wide - peak) > step]
     edges = np.sort(np.concatenate([outside, [peak - step, min(peak + step, f[-1])]]))
     edges = np.unique(np.append(edges, f[-1]))
-    where = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, len(edges) - 2)
+    summed = _summed(f, edges)
+    lines = summed(np.ones(len(f)))
 
     def total(x: Floats) -> tuple[Floats, Floats]:
-        squares = np.bincount(where, weights=power(x), minlength=len(edges) - 1)
-        noise = np.bincount(where, minlength=len(edges) - 1) * np.count_nonzero(x) / PAD
-        return np.asarray(squares, dtype=np.float64), np.asarray(noise, dtype=np.float64)
+        return summed(power(x)), lines * np.count_nonzero(x) / PAD
 
     return Axis("cycles_per_rev", "1/m" if metre else "1/rev", edges, total)
