@@ -32,14 +32,20 @@ def clock(records: Sequence[Record]) -> list[str]:
 
     Of records whose intervals jitter, such as the pieces of one log, that with the widest counts.
     """
-    mixed, jitters = [], []
+    said, jitters = [], []
     for steps in _steps(records):
-        if _kinds(steps) is not None:
-            mixed.append(steps)
-        elif _jitters(steps):
-            jitters.append(steps)
-    worst = [max(jitters, key=lambda steps: np.quantile(steps, 0.95))] if jitters else []
-    return list(dict.fromkeys(map(_uneven, [*mixed, *worst])))
+        if (kinds := _kinds(steps)) is not None:
+            short, slow, share = kinds
+            said.append(
+                f"The sampling is mixed: {1e3 * short:.3g} and {1e3 * slow:.3g} ms, the longer "
+                f"ones {100.0 * share:.2g} % of the intervals."
+            )
+        elif np.mean(np.abs(steps / np.median(steps) - 1.0) > JITTER) > SHARE:
+            jitters.append(1e3 * np.quantile(steps, [0.05, 0.95]))
+    if jitters:
+        low, high = max(jitters, key=lambda ends: float(ends[1]))
+        said.append(f"The sampling jitters: intervals of {low:.3g} to {high:.3g} ms.")
+    return list(dict.fromkeys(said))
 
 
 def gaps(records: Sequence[Record]) -> list[str]:
@@ -72,21 +78,6 @@ def even(steps: Floats) -> bool:
     """Return whether nearly all samples are equally spaced."""
     low, high = np.quantile(steps, [0.05, 0.95])
     return bool(high < (1.0 + JITTER) * low)
-
-
-def _jitters(steps: Floats) -> bool:
-    return bool(np.mean(np.abs(steps / np.median(steps) - 1.0) > JITTER) > SHARE)
-
-
-def _uneven(steps: Floats) -> str:
-    if (kinds := _kinds(steps)) is not None:
-        short, slow, share = kinds
-        return (
-            f"The sampling is mixed: {1e3 * short:.3g} and {1e3 * slow:.3g} ms, the longer ones "
-            f"{100.0 * share:.2g} % of the intervals."
-        )
-    low, high = 1e3 * np.quantile(steps, [0.05, 0.95])
-    return f"The sampling jitters: intervals of {low:.3g} to {high:.3g} ms."
 
 
 def _kinds(steps: Floats) -> tuple[float, float, float] | None:
