@@ -73,22 +73,12 @@ def look(page: Path, widths: Sequence[int], folder: Path) -> dict[str, Any]:
     )
     framed = folder / "framed.html"
     framed.write_text(FRAMES + frames, encoding="utf-8")
-    done = _run(framed, "--dump-dom", "--enable-logging=stderr")
+    flags = ("--headless=new", "--no-sandbox", "--disable-gpu")
+    command = [browser(), *flags, "--dump-dom", "--enable-logging=stderr", framed.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     match = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout, re.DOTALL)
     assert match is not None, done.stderr[-2000:]
     return {
         "views": json.loads(unescape(match.group(1))),
         "console": [line for line in done.stderr.splitlines() if "CONSOLE" in line],
     }
-
-
-def screenshot(page: Path, image: Path) -> Path:
-    """Save a picture of a page and return its path."""
-    _run(page, f"--screenshot={image}", "--hide-scrollbars", "--window-size=1280,4000")
-    return image
-
-
-def _run(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    flags = ("--headless=new", "--no-sandbox", "--disable-gpu")
-    command = [browser(), *flags, *options, page.as_uri()]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.files.quantity import Quantity
-from cjt_gym.records import Record
+from cjt_gym.records import Record, default_units
 
 Floats = NDArray[np.float64]
 DT, FINE = 1e-3, 20
@@ -99,6 +99,12 @@ def simulate(
     columns = {name: _measure(name, x, rng) for name, x in true.items()} | {"i_cmd": wanted}
     units = {name: unit for name, (unit, _, _) in SENSORS.items()} | {"i_cmd": "A"}
     return Record(columns, units, dt=DT, structure="output_fixed_rigid_gearbox")
+
+
+def only(record: Record, *names: str) -> Record:
+    """Return a record of some of its channels alone."""
+    columns = {name: record[name] for name in names}
+    return Record(columns, default_units(names), dt=record.dt, structure=record.structure)
 
 
 def _measure(name: str, x: Floats, rng: np.random.Generator) -> Floats:

@@ -28,7 +28,6 @@ EVERY = [
     for shape, channels, dt in product(SHAPES, CHANNELS, RATES)
     if ("q_m" in channels or "fixed" in shape) and (dt < 0.02 or shape == "rigid")
 ]
-USUAL = EVERY[::6]
 
 
 def found(shape: str, channels: tuple[str, ...], dt: float) -> Diagnosis:
@@ -45,7 +44,11 @@ def found(shape: str, channels: tuple[str, ...], dt: float) -> Diagnosis:
     return diagnose(record, joint.file, shape)
 
 
-def check(shape: str, channels: tuple[str, ...], dt: float) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize(("shape", "channels", "dt"), EVERY)
+def test_no_cause_is_confirmed_whatever_is_logged(
+    shape: str, channels: tuple[str, ...], dt: float
+) -> None:
     answer = found(shape, channels, dt)
     steps_seen = "i_cmd" in channels or shape == "rigid"  # a spring feels when a current steps
     assert answer.verdict in ("no_gap", "explained") or not steps_seen, answer.unexplained.text
@@ -53,17 +56,3 @@ def check(shape: str, channels: tuple[str, ...], dt: float) -> None:
     assert named <= set(MEASURES)
     errors = [(row.datasheet, row.found) for row in answer.horizons]
     assert np.isfinite(errors).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("shape", "channels", "dt"), USUAL)
-def test_no_cause_is_confirmed(shape: str, channels: tuple[str, ...], dt: float) -> None:
-    check(shape, channels, dt)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("shape", "channels", "dt"), [case for case in EVERY if case not in USUAL])
-def test_no_cause_is_confirmed_whatever_is_logged(
-    shape: str, channels: tuple[str, ...], dt: float
-) -> None:
-    check(shape, channels, dt)

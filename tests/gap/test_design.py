@@ -50,12 +50,16 @@ def explained(problem: Problem, name: str, *values: float) -> Fit:
     return Fit(model, z, 0.0, problem.mean_square(residuals), residuals)
 
 
-@pytest.mark.slow
-def test_damping_is_told_from_dry_friction(problem: Problem) -> None:
-    fits = {
+def dry_or_viscous(problem: Problem) -> dict[str, Fit]:
+    return {
         "damping": explained(problem, "damping", 2800.0),
         "coulomb": explained(problem, "coulomb", 3.0),
     }
+
+
+@pytest.mark.slow
+def test_damping_is_told_from_dry_friction(problem: Problem) -> None:
+    fits = dry_or_viscous(problem)
     best, *rest = prospects(problem, fits)
     assert best.tells
     assert best.margin >= max((p.margin for p in rest), default=0.0)
@@ -69,10 +73,7 @@ def test_damping_is_told_from_dry_friction(problem: Problem) -> None:
 
 @pytest.mark.slow
 def test_every_experiment_keeps_to_the_limits_whatever_is_true(problem: Problem) -> None:
-    fits = {
-        "damping": explained(problem, "damping", 2800.0),
-        "coulomb": explained(problem, "coulomb", 3.0),
-    }
+    fits = dry_or_viscous(problem)
     setting = problem.stages.setting
     within = bounds(setting)
     assert within.current <= 0.8 * setting.joint.parameters.i_p
@@ -110,10 +111,7 @@ def test_a_law_that_contains_the_other_does_not_hide_what_can_be_told(problem: P
 
 @pytest.mark.slow
 def test_the_excitation_is_a_record_that_others_can_run(problem: Problem, tmp_path: Path) -> None:
-    fits = {
-        "damping": explained(problem, "damping", 2800.0),
-        "coulomb": explained(problem, "coulomb", 3.0),
-    }
+    fits = dry_or_viscous(problem)
     best = prospects(problem, fits)[0]
     suggestion = Suggestion("text", excitation=record_of(problem, best))
     written = suggestion.written(tmp_path / "next.npz")

@@ -27,17 +27,11 @@ from tests.gap.bench import joint_of, record_of
 from tests.gap.check.moved import DAMPING, columns
 from tests.gap.check.moved import joint as mass
 from tests.gap.check.moved import record as log
-from tests.gap.simulator import TRUE, nominal, simulate
+from tests.gap.simulator import TRUE, nominal, only, simulate
 
 FIXED = "output_fixed_rigid_gearbox"
 RUBBING = (3.0, 3.0)
 DRIVEN = ("current_lag", "hum")
-
-
-def only(record: Record, *names: str) -> Record:
-    columns = {name: record[name] for name in names}
-    units = {name: record.units[name] for name in names}
-    return Record(columns, units, dt=record.dt, structure=FIXED)
 
 
 def named(found: Diagnosis) -> list[str]:

@@ -47,6 +47,10 @@ def step(rule: np.ndarray, start: float, free: float, bristle: float = 0.0) -> f
     return free + GAIN * torque
 
 
+def problem_of(record: Record) -> Problem:
+    return Problem.of(Stages(make_setting(record, nominal(), get_structure(FIXED))))
+
+
 def test_a_law_has_a_column_for_every_field() -> None:
     assert law().shape == (LAW_SIZE,)
 
@@ -265,8 +269,7 @@ def test_a_record_driven_by_nothing_is_refused() -> None:
 
 
 def test_derivatives_only_fill_the_stages_that_a_number_touches() -> None:
-    setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
-    problem = Problem.of(Stages(setting))
+    problem = problem_of(simulate(seconds=1.0))
     z = np.zeros(len(problem.shared))
     residuals = problem.residuals(Model(), z)
     jacobian = problem.jacobian(Model(), z, residuals)
@@ -278,16 +281,15 @@ def test_derivatives_only_fill_the_stages_that_a_number_touches() -> None:
 
 @pytest.mark.parametrize(("high", "expected"), [(9.9, True), (5.0, False)])
 def test_a_bandwidth_known_to_a_factor_of_ten_is_open(high: float, expected: bool) -> None:
-    setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
-    rows = all_candidates(setting, Problem.of(Stages(setting)).stages.names)
+    stages = problem_of(simulate(seconds=1.0)).stages
+    rows = all_candidates(stages.setting, stages.names)
     lag = next(row for row in rows if row.name == "current_lag")
     assert is_open(lag, {"bandwidth": Interval(2.4, 0.6, high, "Hz")}) is expected
 
 
 def test_a_fit_that_begins_where_a_model_runs_away_ends_there() -> None:
-    setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
-    problem = Problem.of(Stages(setting))
-    rows = all_candidates(setting, problem.stages.names)
+    problem = problem_of(simulate(seconds=1.0))
+    rows = all_candidates(problem.stages.setting, problem.stages.names)
     damping = next(row for row in rows if row.name == "damping")
     free = replace(damping.unknowns[0], low=-np.inf)
     model = Model((replace(damping, unknowns=(free,)),))
@@ -300,7 +302,7 @@ def test_a_fit_that_begins_where_a_model_runs_away_ends_there() -> None:
 
 def waves(made: Record, kind: str) -> tuple[tuple[float, float, float], ...]:
     """Return the waves over the angle that the datasheet's joint leaves in a record."""
-    problem = Problem.of(Stages(make_setting(made, nominal(), get_structure(FIXED))))
+    problem = problem_of(made)
     base = problem.fit(Model(), np.zeros(len(problem.shared)))
     fields = problem.fields(base.model, base.z)
     residual = problem.stages.first(base.residuals)["motor"]
@@ -367,9 +369,8 @@ def test_a_plainer_law_is_tried_from_what_the_refined_one_had_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A fit without any friction may move damping and datasheet too far to come back."""
-    setting = make_setting(simulate(friction=(3.0, 3.0)), nominal(), get_structure(FIXED))
-    problem = Problem.of(Stages(setting))
-    rows = all_candidates(setting, problem.stages.names)
+    problem = problem_of(simulate(friction=(3.0, 3.0)))
+    rows = all_candidates(problem.stages.setting, problem.stages.names)
     falling, damping = (
         next(r for r in rows if r.name == n and r.body == "motor") for n in ("stribeck", "damping")
     )

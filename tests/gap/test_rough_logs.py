@@ -23,9 +23,9 @@ from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
-from cjt_gym.records import Record
+from cjt_gym.records import Record, default_units
 from tests.gap.horizons.rotor import datasheet, record
-from tests.gap.simulator import TRUE, nominal, simulate
+from tests.gap.simulator import TRUE, nominal, only, simulate
 
 RIGID = get_structure("rigid")
 DT = 1e-3
@@ -44,12 +44,8 @@ def spring_record(
     current = torque / (joint.parameters.k_t * joint.parameters.n)
     known = {"t": t, "i_cmd": current, "i": current, "q_m": made["true_q_m"]}
     known |= {"q_l": made["true_q_l"], "tau": made["true_tau"]}
-    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad", "q_l": "rad", "tau": "N m"}
-    kept = ("t", *columns)
-    return (
-        Record({n: known[n] for n in kept}, {n: units[n] for n in kept}, structure=joint.structure),
-        joint,
-    )
+    whole = Record(known, default_units(tuple(known)), structure=joint.structure)
+    return only(whole, "t", *columns), joint
 
 
 def holed(whole: Record, lost: np.ndarray) -> Record:
@@ -98,11 +94,9 @@ def test_a_motor_stays_warm_over_a_gap() -> None:
     columns = {"t": t, "i": amps + rng.normal(0.0, 0.015, 9000)}
     columns["q_m"] = made["true_q_m"] + rng.normal(0.0, 2e-6, 9000)
     columns["tau"] = made["true_tau"] + rng.normal(0.0, 0.04, 9000)
-    units = {"t": "s", "i": "A", "q_m": "rad", "tau": "N m"}
     kept = (t < 2.5) | (t > 2.9)
-    record = Record(
-        {name: x[kept] for name, x in columns.items()}, units, structure=joint.structure
-    )
+    columns = {name: x[kept] for name, x in columns.items()}
+    record = Record(columns, default_units(tuple(columns)), structure=joint.structure)
     later = stretches([record])[0]
     setting = make_setting(later.record, nominal(), joint.structure_row, log=later.log)
     assert len(setting.series.past) == pytest.approx(2900, abs=2)
@@ -171,12 +165,7 @@ def test_noise_that_is_stated_too_large_hides_nothing(stated: float, counts: flo
 @pytest.mark.slow
 def test_a_gap_in_the_angle_of_a_held_joint_hides_nothing() -> None:
     made = simulate(seconds=6.0, extra=lambda t, q, v: 4.0 * min(v, 0.0) * -1.0)
-    few = Record(
-        {n: made[n] for n in ("i_cmd", "q_m")},
-        {n: made.units[n] for n in ("i_cmd", "q_m")},
-        dt=DT,
-        structure=made.structure,
-    )
+    few = only(made, "i_cmd", "q_m")
     q = few["q_m"].copy()
     q[3000:3100] = np.nan
     columns = {"i_cmd": few["i_cmd"], "q_m": q}
@@ -326,11 +315,8 @@ def test_the_damping_of_a_spring_is_fitted_and_not_named() -> None:
     torque = 20.0 * np.sin(2.0 * np.pi * 1.3 * t) + 10.0 * np.sin(2.0 * np.pi * 7.0 * t)
     torque += 8.0 * rng.uniform(-1.0, 1.0, 60)[(t / 0.1).astype(int)]
     angle = quiet(joint).simulate(torque, dt=DT)["true_q_m"] + rng.normal(0.0, 1e-6, 6000)
-    made = Record(
-        {"t": t, "i": torque / (p.k_t * p.n), "q_m": angle},
-        {"t": "s", "i": "A", "q_m": "rad"},
-        structure=joint.structure,
-    )
+    columns = {"t": t, "i": torque / (p.k_t * p.n), "q_m": angle}
+    made = Record(columns, default_units(tuple(columns)), structure=joint.structure)
     stated = joint.file.parameters.replace(
         d_gl=Quantity(0.3 * p.d_gl, "N m s/rad", "test", tolerance=0.2),
         d_l=Quantity(p.d_l, "N m s/rad", "test", tolerance=0.2),
@@ -345,15 +331,9 @@ def test_the_damping_of_a_spring_is_fitted_and_not_named() -> None:
 def test_noise_read_off_a_channel_is_told_beside_a_searched_joint() -> None:
     """What is predicted over horizons does not depend on noise, so that a search names none."""
     made = simulate(friction=(1.0, 1.0))
-    file = nominal()
-    few = Record(
-        {name: made[name] for name in ("i_cmd", "q_m")},
-        {"i_cmd": "A", "q_m": "rad"},
-        dt=DT,
-        structure=made.structure,
-    )
+    few = only(made, "i_cmd", "q_m")
     noisy = few["q_m"] + np.random.default_rng(5).normal(0.0, 4e-5, len(few))
-    found = diagnose(few.with_columns({"q_m": noisy}), file)
+    found = diagnose(few.with_columns({"q_m": noisy}), nominal())
     named = {effect.name: effect for effect in found.effects}
     assert named["noise"].channel == "q_m"
     assert named["noise"].parameters["noise"].value == pytest.approx(4e-5, rel=0.2)
@@ -367,13 +347,7 @@ def test_friction_that_may_be_asymmetric_is_not_confirmed_as_symmetric(
     friction: tuple[float, float], status: str
 ) -> None:
     """With a command alone an offset of the amplifier beside symmetric friction looks alike."""
-    made, columns = simulate(friction=friction), ("i_cmd", "q_m", "q_l", "tau")
-    few = Record(
-        {name: made[name] for name in columns},
-        {name: made.units[name] for name in columns},
-        dt=DT,
-        structure=made.structure,
-    )
+    few = only(simulate(friction=friction), "i_cmd", "q_m", "q_l", "tau")
     (effect,) = diagnose(few, nominal()).effects
     assert (effect.name, effect.status) == ("coulomb", status)
     assert effect.parameters["d_cm"].value == pytest.approx(sum(friction) / 2.0, rel=0.05)
@@ -392,20 +366,14 @@ def load_record(effects: dict[str, dict[str, float]], seconds: float = 8.0) -> t
     columns = {"t": t, "i": torque / (p.k_t * p.n)}
     columns["q_m"] = made["true_q_m"] + rng.normal(0.0, 1e-6, size)
     columns["q_l"] = made["true_q_l"] + rng.normal(0.0, 1e-6, size)
-    units = {"t": "s", "i": "A", "q_m": "rad", "q_l": "rad"}
-    return Record(columns, units, structure=joint.structure), joint
+    return Record(columns, default_units(tuple(columns)), structure=joint.structure), joint
 
 
 @pytest.mark.slow
 def test_friction_of_a_load_is_told_where_predictions_show_it() -> None:
     """Of a compliant joint, by the motor alone: tentatively, as the examination excludes it."""
     made, joint = load_record({"load_coulomb": {"d_cl": 3.0}})
-    few = Record(
-        {n: made[n] for n in ("t", "i", "q_m")},
-        {n: made.units[n] for n in ("t", "i", "q_m")},
-        structure=made.structure,
-    )
-    (effect,) = diagnose(few, joint.file).effects
+    (effect,) = diagnose(only(made, "t", "i", "q_m"), joint.file).effects
     assert (effect.name, effect.status) == ("load_coulomb", "tentative")
     assert effect.parameters["d_cl"].value == pytest.approx(3.0, rel=0.1)
 
@@ -433,11 +401,7 @@ def test_a_motor_that_weakens_is_recognised_by_command_and_angle_alone() -> None
             level += DT / time * (a * a - level)
         return out
 
-    made, columns = simulate(seconds=10.0, drive=drive), ("i_cmd", "q_m")
-    few = Record(
-        {n: made[n] for n in columns}, {n: made.units[n] for n in columns}, dt=DT,
-        structure=made.structure,
-    )  # fmt: skip
+    few = only(simulate(seconds=10.0, drive=drive), "i_cmd", "q_m")
     (effect,) = diagnose(few, nominal()).effects
     assert effect.name == "thermal_derating"
     assert effect.parameters["T_thw"].value == pytest.approx(time, rel=0.2)

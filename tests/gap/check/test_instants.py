@@ -13,6 +13,7 @@ from cjt_gym.gap.check.instants import answers_in_its_row, in_step, misplaced
 from cjt_gym.joint import Joint, JointFile, get_structure
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record
+from tests.gap.check.moved import record as log
 from tests.gap.simulator import nominal, simulate
 
 HELD = get_structure("output_fixed_rigid_gearbox")
@@ -73,8 +74,7 @@ def test_a_command_that_answers_the_current_is_no_reply() -> None:
         i[k] = 0.6 * i[k - 1] + 0.4 * command[k - 3] + 0.1 * rng.standard_normal()
         command[k] = 1.5 * np.sin(0.01 * k) - i[k]
     columns = {"t": 1e-3 * np.arange(4000), "i_cmd": command, "i": i}
-    units = {"t": "s", "i_cmd": "A", "i": "A"}
-    assert not answers_in_its_row(Record(columns, units))
+    assert not answers_in_its_row(log(columns))
 
 
 @pytest.mark.slow
@@ -89,9 +89,8 @@ def test_such_a_log_is_diagnosed_like_any_other(written: Callable[[Record], Reco
 @pytest.mark.parametrize("every", [2, 10])
 def test_rows_of_one_instant_of_a_loop_faster_than_its_log_stay_where_they_are(every: int) -> None:
     fine = simulate(8.0, friction=(3.0, 3.0))
-    columns = {name: fine[name][::every] for name in fine.columns if name != "t"}
-    units = {name: fine.units[name] for name in columns}
-    slow = Record(columns, units, dt=every * fine.dt, structure=HELD.name)
+    columns = {"t": fine.t, **fine.columns}
+    slow = log({name: x[::every] for name, x in columns.items()}, HELD.name)
     assert answers_in_its_row(slow)
     assert misplaced(slow) is None
     (same,), _ = in_step([slow], [], nominal(), HELD)
@@ -122,8 +121,7 @@ def test_a_smooth_command_shows_its_row_by_the_instants(late: int) -> None:
     i = np.roll(command, late) + 8e-3 * rng.standard_normal(len(t))
     speed = 0.02 * np.cumsum(np.roll(command, 1))
     angle = 1e-3 * np.cumsum(np.roll(speed, 1)) + 1e-5 * rng.standard_normal(len(t))
-    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
-    seen = Record({"t": t, "i_cmd": command, "i": i, "q_m": angle}, units)
+    seen = log({"t": t, "i_cmd": command, "i": i, "q_m": angle})
     assert answers_in_its_row(seen) == (late == 0)
     assert misplaced(seen) == (("i", -1) if late == 0 else None)
 
@@ -137,5 +135,4 @@ def test_lost_rows_do_not_make_a_current_know_its_own_command(seed: int) -> None
     angle = np.cumsum(np.cumsum(i)) * 5e-5
     kept = np.sort(rng.choice(t.size, t.size // 2, replace=False))
     columns = {"t": t[kept], "i_cmd": command[kept], "i": i[kept], "q_m": angle[kept]}
-    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad"}
-    assert misplaced(Record(columns, units, structure="rigid")) is None
+    assert misplaced(log(columns)) is None
