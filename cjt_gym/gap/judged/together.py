@@ -91,8 +91,8 @@ def _units(joint: JointFile, effects: Collection[str], refined: Collection[str])
     """Return the units of the refined values and of the numbers of effects, by their names."""
     quantities = joint.parameters.quantities
     found = {s: q.unit for s, q in quantities.items() if s in refined}
-    for name in joint.effects.keys() & set(effects):
-        for symbol, entry in joint.effects[name].items():
+    for name, entries in joint.effects.items():
+        for symbol, entry in entries.items() if name in effects else ():
             if isinstance(entry, Quantity) and isinstance(entry.low, float):
                 found[f"{name}.{symbol}"] = entry.unit
     return found
