@@ -1,4 +1,4 @@
-"""Numbers in sentences."""
+"""Numbers to some digits, in sentences and in files."""
 
 
 def plain(value: float, digits: int = 3) -> str:
@@ -9,3 +9,8 @@ def plain(value: float, digits: int = 3) -> str:
         ('1120', '0.05', '1.12e+03')
     """
     return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def short(value: float, digits: int = 8) -> float:
+    """Return a number for a file: to some significant digits."""
+    return float(f"{float(value):.{digits}g}")

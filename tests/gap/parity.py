@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.diagnosis import NamedEffect
@@ -20,9 +19,9 @@ from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, to_toml
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 VALUES = {
     "I_m": 0.2,
     "I_g": 0.08,

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record, default_units
 
-Floats = NDArray[np.float64]
 DT, FINE = 1e-3, 20
 TRUE = {"I_m": 0.3, "d_m": 2.0, "k_b": 6000.0, "k_t": 0.08, "n": 80.0, "i_p": 30.0}
 TOLERANCE = {"I_m": 0.02, "d_m": 0.1, "k_b": 0.015, "k_t": 0.015}

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import GapSize, NamedEffect
 from cjt_gym.gap.evidence import Step
 from cjt_gym.gap.judged.replay import Written, replay
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.force import fair_cutoff, torque_noise, torques
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 COUNTED = ("tau", "tau_m", "dq_m")
 """Channels whose errors are reported, the one that counts first."""
 BLOCK = 0.5

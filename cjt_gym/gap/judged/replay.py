@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from cjt_gym.errors import SimulationError
@@ -31,8 +30,8 @@ from cjt_gym.gap.stages.fit import Fit, Model, Problem
 from cjt_gym.joint import Joint, JointFile
 from cjt_gym.joint.batch import longest_substep
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 Run = Callable[[Floats, int], dict[str, Floats]]
 SUBSTEP, COARSEST = 1e-4, 2.5e-4
 """Substep, to which delays are rounded, and that of long records [s]."""

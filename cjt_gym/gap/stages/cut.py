@@ -21,7 +21,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from cjt_gym.gap.candidates.disturbance import corrected, disturbing
@@ -58,8 +57,8 @@ from cjt_gym.gap.stages.predictor import (
 )
 from cjt_gym.gap.stages.spring import spring_torque
 from cjt_gym.gap.stages.stage_chains import stage_chain
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 Added = Mapping[str, Floats]
 STAGES = ("drive", "motor", "transmission", "load")
 CHANNELS: Mapping[str, tuple[str, ...]] = {

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record, default_units
 
-Floats = NDArray[np.float64]
 DT = 1e-3
 INERTIA, DAMPING, FRICTION, K_T = 0.01, 0.05, 0.2, 0.1
 NOISE = {"q_m": 1e-5, "i": 0.02}

@@ -8,14 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.joint import JointFile, load_joint_file
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 DT, FINE = 2e-3, 20
 INERTIA, DAMPING, DRY = 0.02, 0.05, 0.12
 

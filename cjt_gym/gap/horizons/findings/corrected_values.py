@@ -13,9 +13,10 @@ from cjt_gym.gap.diagnosis import NamedEffect, told_symbols
 from cjt_gym.gap.digits import plain
 from cjt_gym.gap.horizons.fitting.datasheet import stated_tolerance
 from cjt_gym.gap.horizons.fitting.fit import Fit
-from cjt_gym.gap.horizons.prediction.model import Term, body_group, motor_inertia
+from cjt_gym.gap.horizons.prediction.model import Term, motor_inertia
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.torque.inverse import inverse
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.gap.recorded.tolerances import OUTSIDE, VAGUE, stated
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.files.effect_entries import unit_on

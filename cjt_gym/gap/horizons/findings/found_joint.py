@@ -7,9 +7,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.digits import short
 from cjt_gym.gap.horizons.findings.by_torque import inertia_by_torque
 from cjt_gym.gap.horizons.fitting.covariance import Scatter
 from cjt_gym.gap.horizons.selection.judgement import Judgement
@@ -20,8 +20,6 @@ from cjt_gym.joint.files.quantity import FrozenMapping, Plain, Quantity, freeze
 from cjt_gym.joint.files.quantity import Setting as Entry
 from cjt_gym.joint.outside import frequency_of
 
-Floats = NDArray[np.float64]
-DIGITS = 8
 OPEN = "which leaves it open: it predicts best, and is not drawn"
 """What the source of a value says that the record hardly determines."""
 TORN = "open: predictions and a regression of the torque disagree, the interval covers both"
@@ -83,7 +81,7 @@ def joint_of(
         table[name] = entries
     p = nominal.parameters
     moved = {
-        s: Quantity(_short(q.number), q.unit, source)
+        s: Quantity(_finite(q.number), q.unit, source)
         for s, q in answer.parameters.quantities.items()
         if s not in p.quantities or q.number != p.quantities[s].number
     }
@@ -136,8 +134,8 @@ def _entry(
     assert parameter is not None
     unit = unit_on(parameter, joint.parameters)
     if isinstance(value, tuple):
-        return Quantity(tuple(_short(x) for x in value), unit, source)
-    number = _short(float(value))  # type: ignore[arg-type]
+        return Quantity(tuple(_finite(x) for x in value), unit, source)
+    number = _finite(float(value))  # type: ignore[arg-type]
     known = intervals.get(f"{effect}.{symbol}")
     if known is None:
         return Quantity(number, unit, source)
@@ -146,7 +144,7 @@ def _entry(
     ends = sorted((min(max(known.low, least), number), min(max(known.high, number), high)))
     if ends[0] == ends[1]:
         return Quantity(number, unit, source)
-    return Quantity(number, unit, source, low=_short(ends[0]), high=_short(ends[1]))
+    return Quantity(number, unit, source, low=_finite(ends[0]), high=_finite(ends[1]))
 
 
 def found_at(judged: Judgement, untold: Collection[str] = ()) -> FrozenMapping[Plain]:
@@ -165,13 +163,13 @@ def found_at(judged: Judgement, untold: Collection[str] = ()) -> FrozenMapping[P
     top = max(frequency_of(log.command, log.dt) for log in logs)
     unit, force = ("m/s", "N") if p.axis == "prismatic" else ("rad/s", "N m")
     found: dict[str, object] = {
-        "speed": {"low": _short(ends[0]), "high": _short(ends[1]), "unit": unit},
-        "torque": {"low": _short(torque.min()), "high": _short(torque.max()), "unit": force},
-        "frequency": {"low": 0.0, "high": _short(top), "unit": "Hz"},
+        "speed": {"low": _finite(ends[0]), "high": _finite(ends[1]), "unit": unit},
+        "torque": {"low": _finite(torque.min()), "high": _finite(torque.max()), "unit": force},
+        "frequency": {"low": 0.0, "high": _finite(top), "unit": "Hz"},
     }
     heat = [log.temperature for log in logs if log.temperature is not None]
     if heat:
-        low, high = (_short(x) for x in (min(t[0] for t in heat), max(t[1] for t in heat)))
+        low, high = (_finite(x) for x in (min(t[0] for t in heat), max(t[1] for t in heat)))
         found["temperature"] = {"low": low, "high": high, "unit": "degC"}
     if (scatter := _scatter(judged)) is not None and (table := scatter.table(untold))["names"]:
         found["covariance"] = table
@@ -185,5 +183,5 @@ def _scatter(judged: Judgement) -> Scatter | None:
     return Scatter.of(judged.spread)
 
 
-def _short(x: float) -> float:
-    return float(f"{float(x):.{DIGITS}g}") if math.isfinite(x) else 0.0
+def _finite(x: float) -> float:
+    return short(x) if math.isfinite(x) else 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cjt_gym.gap.horizons.prediction.log import Log
-from cjt_gym.gap.horizons.prediction.model import body_group
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.joint import Joint
 
 ALIKE = {"damping": ("current_lag",), "command_delay": ("damping",), "current_lag": ("damping",)}

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cjt_gym.gap.diagnosis import Diagnosis, Interval
+from cjt_gym.gap.digits import short
 from cjt_gym.gap.recorded.tolerances import is_torque
 from cjt_gym.gap.stages.intervals import NORMAL
 from cjt_gym.joint import EFFECTS, JointFile
@@ -18,7 +19,6 @@ from cjt_gym.joint.files.quantity import Setting as Entry
 
 LEAST = 1e-12
 """Least value of a number that must not be zero."""
-DIGITS = 8
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Wider:
             least, strict, most = EFFECTS[effect].domain(parameter)
             least += LEAST if strict else 0.0
             ends = [max(ends[0], min(least, one.low)), min(ends[1], max(most, one.high))]
-        return replace(one, low=_short(ends[0]), high=_short(ends[1]))
+        return replace(one, low=short(ends[0]), high=short(ends[1]))
 
     def _half(self, half: float, fixed: float) -> float:
         own = math.sqrt(max(half**2 - fixed**2, 0.0))
@@ -68,7 +68,7 @@ class Wider:
         scaled = known.values * np.array([float(is_torque(unit)) for unit in units])
         fixed = self.common**2 * np.outer(scaled, scaled)
         matrix = self.by**2 * (known.matrix - fixed) + fixed
-        rows = tuple(tuple(map(_short, row)) for row in matrix.tolist())
+        rows = tuple(tuple(map(short, row)) for row in matrix.tolist())
         covariance = {**joint.found["covariance"], "matrix": rows}  # type: ignore[dict-item]
         return replace(
             joint, effects=table, found=freeze({**joint.found, "covariance": covariance})
@@ -106,7 +106,3 @@ def _unit(joint: JointFile, name: str) -> str:
     effect, _, symbol = name.rpartition(".")
     entry = joint.effects[effect][symbol] if effect else joint.parameters.quantities[symbol]
     return entry.unit if isinstance(entry, Quantity) else ""
-
-
-def _short(x: float) -> float:
-    return float(f"{x:.{DIGITS}g}")

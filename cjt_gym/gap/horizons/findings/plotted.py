@@ -12,8 +12,8 @@ from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.windows import Group, Windows
 from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 KEYS = ("measured", "before", "after")
 
 

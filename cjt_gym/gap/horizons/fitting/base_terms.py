@@ -9,7 +9,8 @@ from dataclasses import replace
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fitting.datasheet import datasheet_number, inertias_at
 from cjt_gym.gap.horizons.fitting.terms import BODIES, sets
-from cjt_gym.gap.horizons.prediction.model import Draft, Free, Put, Scales, Term, body_group
+from cjt_gym.gap.horizons.prediction.model import Draft, Free, Put, Scales, Term
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.gap.recorded.spring_damping import SYMBOL, USUAL, critical
 from cjt_gym.gap.recorded.tolerances import GUESSED, VAGUE, stated, tolerance_of
 from cjt_gym.joint import Joint, JointFile

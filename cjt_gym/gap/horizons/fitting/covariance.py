@@ -6,19 +6,18 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.digits import short
 from cjt_gym.gap.horizons.fitting.uncertainty import Spread
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.stages.intervals import TENFOLD
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.files.effect_entries import unit_on
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 STEP = 0.01
 """Step of a coordinate for finite-difference slopes, in units of its scale."""
-DIGITS = 8
 VAGUE = 4.0
 """Width of an interval, relative to the number, from which it says nothing about its size."""
 ANGLES, TURNED = frozenset({"gravity.angle"}), 1.0
@@ -117,8 +116,8 @@ class Scatter:
         kept = [k for k, name in enumerate(self.names) if name not in left_out]
         return {
             "names": tuple(self.names[k] for k in kept),
-            "values": tuple(_short(self.values[k]) for k in kept),
-            "matrix": tuple(tuple(map(_short, row)) for row in self.matrix[np.ix_(kept, kept)]),
+            "values": tuple(short(self.values[k]) for k in kept),
+            "matrix": tuple(tuple(map(short, row)) for row in self.matrix[np.ix_(kept, kept)]),
         }
 
 
@@ -130,7 +129,3 @@ def _numbers(model: Model, z: Floats) -> dict[str, float]:
         for symbol, value in values.items()
         if isinstance(value, int | float)
     }
-
-
-def _short(x: float) -> float:
-    return float(f"{float(x):.{DIGITS}g}")

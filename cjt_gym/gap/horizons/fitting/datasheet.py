@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from cjt_gym.gap.candidates.number import Number
-from cjt_gym.gap.horizons.prediction.model import Term, body_group
+from cjt_gym.gap.horizons.prediction.model import Term
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.gap.recorded.tolerances import GUESSED, tolerance_of
 from cjt_gym.gap.stages.intervals import TENFOLD
 from cjt_gym.joint import Joint, JointFile

@@ -27,8 +27,8 @@ from cjt_gym.gap.horizons.fitting.terms import scales_of
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.windows import Windows
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 LEAST = 3e-3
 """Relative error below which a better fit has no value."""
 LONGEST = 3.0

@@ -7,24 +7,15 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.prediction.forward import delaying_substep
 from cjt_gym.gap.horizons.prediction.log import Log
-from cjt_gym.gap.horizons.prediction.model import (
-    Draft,
-    Free,
-    Put,
-    Scales,
-    Term,
-    body_group,
-    motor_inertia,
-)
+from cjt_gym.gap.horizons.prediction.model import Draft, Free, Put, Scales, Term, motor_inertia
 from cjt_gym.gap.horizons.torque.cross_validated import Spent
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.joint import EFFECTS, Joint
 
-Floats = NDArray[np.float64]
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
 """Price factors of a term: for dry friction, which every joint has; for effects that are rare or
 mimicked by other errors; for a delay or lag after a measured current, and for heat."""

@@ -20,8 +20,8 @@ from cjt_gym.gap.recorded.tolerances import GUESSED, stated, tolerance_of
 from cjt_gym.gap.stages.intervals import at_known, is_there, known_to_a_factor
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.files.effect_entries import unit_on
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 INTERVAL = 0.95
 BENT = 0.05
 """Difference between the slopes to either side, relative to the larger or the usual one, from

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import binom
 
 from cjt_gym.gap.horizons.prediction.log import Log, usual_count
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 DIFFERENCES = 3
 """Order of the differences of an angle that show its noise."""
 

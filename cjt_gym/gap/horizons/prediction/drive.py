@@ -16,8 +16,8 @@ from scipy.signal import lfilter
 from cjt_gym.gap.horizons.prediction.log import Log
 from cjt_gym.gap.horizons.prediction.pieces import Piece
 from cjt_gym.gap.recorded.series import SLOW
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 DELAYS = np.arange(0.0, 8.01, 0.25)
 LAGS = (0.0, 0.3, 0.6, 1.0, 1.5, 2.5, 4.0, 7.0, 12.0)
 """Candidate dead times and time constants, in samples."""

@@ -23,6 +23,7 @@ from cjt_gym.joint.kernel.arrays import (
     WORK_ROWS,
     WORK_WIDTH,
     Batch,
+    Floats,
     Setup,
 )
 from cjt_gym.joint.kernel.compiled import threaded
@@ -31,7 +32,6 @@ from cjt_gym.joint.kernel.heat import cool, temper, warm
 from cjt_gym.joint.lanes import Blocks, Kind, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.lanes.vectors import WIDTH
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CHANNELS = {"q_m": 0, "q_l": 1, "tau": 2}
 SUBSTEP = 2e-3

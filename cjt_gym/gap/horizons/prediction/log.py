@@ -18,9 +18,9 @@ from cjt_gym.gap.recorded.series import SHORTEST, SLOW, current_before, same_fil
 from cjt_gym.gap.recorded.slope import in_time, is_noise, is_slope
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 SMOOTH = 0.02
 """Time over which angles are smoothed for the state at the start of a window [s]."""

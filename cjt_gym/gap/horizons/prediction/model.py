@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.configure import EffectValues
-from cjt_gym.joint.structures import Structure
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
 """Effects that depend on the direction; several of them together compensate each other."""
 MEASURES = ("noise", "quantization", "drift", "dropout", "command_noise")
@@ -215,12 +214,6 @@ class Scales:
     driven: float = 1.0
     fast: float = 1.0
     coasts: bool = False
-
-
-def body_group(structure: Structure, body: str) -> tuple[str, ...]:
-    """Return the letters of the bodies that move together with a given one."""
-    group = structure.groups["mgl".index(body)]
-    return tuple(b for b, g in zip("mgl", structure.groups, strict=True) if g == group)
 
 
 def motor_inertia(joint: Joint) -> float:

@@ -13,11 +13,10 @@ from cjt_gym.gap.horizons.prediction.model import motor_inertia
 from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
 from cjt_gym.joint import Joint
 from cjt_gym.joint.batch import JointBatch
-from cjt_gym.joint.kernel.arrays import Batch, Setup
+from cjt_gym.joint.kernel.arrays import Batch, Floats, Setup
 from cjt_gym.joint.kernel.compiled import threaded
 from cjt_gym.joint.kernel.control_steps import one_step, restart
 
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 ANGLES = ("q_m", "q_g", "q_l")
 CONSTANT = 1e-9

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.prediction.log import Log
 from cjt_gym.gap.horizons.prediction.pieces import SHORTEST, Piece
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 POINTS = 8
 """Number of evenly spaced samples of a window that are evaluated."""

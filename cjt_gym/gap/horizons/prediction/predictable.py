@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.prediction.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, Key, Windows
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 FEATURES = 60

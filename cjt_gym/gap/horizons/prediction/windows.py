@@ -13,8 +13,8 @@ from cjt_gym.gap.horizons.prediction.log import Log
 from cjt_gym.gap.horizons.prediction.pieces import Piece, joined_up, size_of
 from cjt_gym.gap.horizons.prediction.placement import SPREAD, WHOLE, placed, points, samples, stays
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Key = tuple[str, float]
 HORIZONS = (0.02, 0.1, 0.5)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.fitting.base_terms import stated_friction
 from cjt_gym.gap.horizons.fitting.fit import Problem
@@ -17,8 +16,8 @@ from cjt_gym.gap.horizons.selection.judgement import LOUD
 from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effects import PACKAGED
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 Key = tuple[str, float]
 WORSE = 1.02
 """Ratio to the relative error of datasheet or least squares up to which a joint is no worse."""

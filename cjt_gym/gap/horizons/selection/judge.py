@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.fitting.balanced_friction import is_delicate, limited
 from cjt_gym.gap.horizons.fitting.base_terms import base_terms, freed
@@ -42,8 +41,8 @@ from cjt_gym.gap.horizons.torque.over_angle import over_angle, wave_of
 from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.gap.recorded.tolerances import OUTSIDE
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 SMALL, HALF = 0.01, 0.5
 """Relative error, and predictable share of its square, above which the stages of a joint whose

@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cjt_gym.gap.diagnosis import Horizon
 from cjt_gym.gap.horizons.fitting.fit import Problem
 from cjt_gym.gap.horizons.fitting.uncertainty import Spread, spread_of
@@ -18,8 +15,8 @@ from cjt_gym.gap.horizons.selection.search_result import Found
 from cjt_gym.gap.horizons.selection.worth import Worth
 from cjt_gym.gap.recorded.cut import Cut
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 NEAR = 0.2
 """Relative error above which a search looks for a better joint than that of the stages."""
 SLIGHT, CLOSE = 0.1, 1.3

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem
@@ -15,8 +14,8 @@ from cjt_gym.gap.horizons.fitting.parallel import side_by_side
 from cjt_gym.gap.horizons.prediction.model import Model, Term, motor_inertia
 from cjt_gym.gap.horizons.selection.stepwise import added, allowed, priced
 from cjt_gym.gap.horizons.torque.inverse import inverse
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 LARGEST = 400
 """Most starts of a grid that are all tried; several guesses in a datasheet make thousands."""
 SWEEPS = 2

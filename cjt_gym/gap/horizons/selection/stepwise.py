@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem, _solve, _within
 from cjt_gym.gap.horizons.fitting.parallel import side_by_side
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.horizons.selection.worth import price
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 FULL = 3
 """Number of candidates fitted fully after a quick look at all."""
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem, bounded
 from cjt_gym.gap.horizons.prediction.model import Term
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 PRICE, PER_NUMBER = 3.0, 1.0
 """Cost reduction required of a term, and of each of its numbers beyond the first."""
 CLEAR = 2.5

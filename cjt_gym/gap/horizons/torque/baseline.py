@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cjt_gym.gap.horizons.prediction.log import Floats, Log, felt_torque
-from cjt_gym.gap.horizons.prediction.model import Draft, body_group, drafted
+from cjt_gym.gap.horizons.prediction.log import Log, felt_torque
+from cjt_gym.gap.horizons.prediction.model import Draft, drafted
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
 NOTHING = 1e-6
 """Share of the inertia left to a load that the regression lumps with the motor."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.kernel.arrays import Floats
+
 SHORTEST, LONGEST, STEPS = 1e-3, 0.3, 12
 """Paths that are tried, as shares of the travel, and their number."""
 FEWEST = 6

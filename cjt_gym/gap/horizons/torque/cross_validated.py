@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.kernel.arrays import Floats
+
 BLOCKS = 12
 """Number of stretches of a record, each predicted from the others."""
 SHORTEST = 10

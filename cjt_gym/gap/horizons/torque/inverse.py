@@ -13,11 +13,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, convolve1d
 
 from cjt_gym.gap.horizons.prediction.log import LEAST_SMOOTH, STUCK, Log, felt_torque
-from cjt_gym.gap.horizons.prediction.model import body_group, motor_inertia
+from cjt_gym.gap.horizons.prediction.model import motor_inertia
 from cjt_gym.gap.horizons.torque.bristles import FEWEST as FEWEST_WAYS
 from cjt_gym.gap.horizons.torque.bristles import bent, paths, ways
 from cjt_gym.gap.horizons.torque.cross_validated import (
@@ -32,10 +31,11 @@ from cjt_gym.gap.horizons.torque.cross_validated import (
     steady_gain,
 )
 from cjt_gym.gap.horizons.torque.over_angle import over_angle
+from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.gap.recorded.tolerances import VAGUE, stated, tolerance_of
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 OVER = 0.1
 """Time over which torque and motion are smoothed [s]."""
 SLICES = 200

@@ -26,8 +26,8 @@ from cjt_gym.gap.horizons.torque.cross_validated import (
     steady_gain,
 )
 from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel.arrays import Floats
 
-Floats = NDArray[np.float64]
 OVER = (0.01, 0.02, 0.04)
 """Times over which motion and torque are smoothed [s]."""
 LEAST, MOSTLY = 0.2, 0.5
