@@ -10,7 +10,7 @@ from cjt_gym.gap.report.words import number
 
 TITLE = "How well the joint is predicted"
 AID = (
-    "Error on held-out data, relative to what the signal did beyond going on at its speed (angles) "
+    "Error on {}, relative to what the signal did beyond going on at its speed (angles) "
     "or beyond its mean (torque): 100 % is no better than that. The floor is what no model could "
     "avoid, as far as a regression on state, input and past can tell."
 )
@@ -32,7 +32,8 @@ def horizon_table(diagnosis: Diagnosis) -> Table | None:
         )
         for row in diagnosis.horizons
     ]
-    return Table(TITLE, AID, (head, *rows))
+    aid = AID.format("held-out data" if diagnosis.gap.held_out else "the fitted data")
+    return Table(TITLE, aid, (head, *rows))
 
 
 def _percent(x: float | None) -> str:

@@ -299,3 +299,15 @@ def test_a_value_that_left_its_tolerance_by_far_is_named_where_nothing_else_is(
     judged = Judgement(off, "found", off.joint, (), found=found)
     assert not is_named(judged, 0, loose, {})
     assert is_named(judged, 0, loose, {}, alone=True) == alone
+
+
+def test_what_nothing_was_held_out_to_test_is_told_in_doubt() -> None:
+    short, other = record(8.0, seed=1), record(8.0, seed=2)
+    alone = diagnose(short, datasheet(), "rigid")
+    tested = diagnose(short, datasheet(), "rigid", validate=other)
+    assert (alone.gap.held_out, tested.gap.held_out) == (False, True)
+    status = [{e.name: e.status for e in found.effects} for found in (alone, tested)]
+    assert [one["coulomb"] for one in status] == ["tentative", "confirmed"]
+    assert "second record" in next(e.doubt for e in alone.effects if e.name == "coulomb")
+    assert "the fitted data" in str(alone)
+    assert "the fitted data" not in str(tested)

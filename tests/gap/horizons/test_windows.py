@@ -41,6 +41,13 @@ def test_what_is_held_out_lies_between_what_is_fitted(log: Log) -> None:
     assert min(np.diff(kept)) > 1, "no two neighbours are held out"
 
 
+def test_of_a_record_with_motion_in_few_pieces_none_is_held_out() -> None:
+    log = to_log(record().slice(0, round(8.0 / DT)), datasheet(), RIGID)
+    pieces = cut([log])
+    assert len(pieces) > 8, "two would be held out"
+    assert split([log], pieces) == (pieces, [])
+
+
 def test_windows_begin_everywhere_in_a_record_though_it_is_cut_into_pieces(log: Log) -> None:
     pieces = cut([log])
     (group,) = make_windows([log], pieces, 200).groups

@@ -82,7 +82,7 @@ def main_row(judged: Judgement) -> Row:
 
 
 def gap_of(judged: Judgement) -> GapSize:
-    """Return the gap on held-out data, from the row that measures it."""
+    """Return the gap on held-out data if there are any, from the row that measures it."""
     row = main_row(judged)
     before, after = row.datasheet, row.found
     removed = 1.0 - after / before if before > 0.0 else 0.0
@@ -96,7 +96,7 @@ def gap_of(judged: Judgement) -> GapSize:
         if r.seconds == row.seconds
     }
     floor = row.floor if row.floor is not None else 0.0
-    return GapSize(before, after, floor, removed, low, high, True, by)
+    return GapSize(before, after, floor, removed, low, high, judged.case.held, by)
 
 
 def worst_row(judged: Judgement) -> Row:

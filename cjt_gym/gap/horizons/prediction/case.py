@@ -47,10 +47,11 @@ class Case:
         logs: The records that are fitted.
         fit: Windows that are fitted.
         fine: More windows of the same pieces, from which the values of the answer come.
-        test: Windows that are held out.
+        test: Windows that are held out; of what is fitted if nothing is.
         all: Windows over all data for which the answer must hold.
         drive: How the current follows its command, if both were measured.
         apart: Whether the held-out windows are of records of their own.
+        held: Whether any are held out.
     """
 
     joint: Joint
@@ -61,6 +62,7 @@ class Case:
     all: Windows
     drive: DriveFit | None
     apart: bool = False
+    held: bool = True
 
     @property
     def cut(self) -> Cut:
@@ -89,9 +91,10 @@ def make_case(
     fit, fine = (make_windows(logs, own, most, whole=whole) for most in (MOST, FINE))
     tested = partial(make_windows, most=TEST, whole=whole, kept=1.0)
     test = tested(other or logs, kept or own)
-    every = test if other else tested(logs, pieces)
+    every = tested(logs, pieces) if kept and not other else test
     response = fit_drive(first, [p for p in own if p.log == 0])
-    return Case(joint, tuple(logs), fit, fine, test, every, response, bool(other))
+    held = bool(kept)
+    return Case(joint, tuple(logs), fit, fine, test, every, response, bool(other), held)
 
 
 def sharp(case: Case, joints: Sequence[Joint], most: float = 1.0) -> Case:
