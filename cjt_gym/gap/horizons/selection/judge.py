@@ -31,7 +31,7 @@ from cjt_gym.gap.horizons.selection.contradiction import contradicted
 from cjt_gym.gap.horizons.selection.judgement import LOUD, NEAR, SLIGHT, Judgement, Row, is_left
 from cjt_gym.gap.horizons.selection.rivals import REFINED
 from cjt_gym.gap.horizons.selection.search import search
-from cjt_gym.gap.horizons.selection.search_result import Found, Held
+from cjt_gym.gap.horizons.selection.search_result import Found
 from cjt_gym.gap.horizons.selection.starts import best_start
 from cjt_gym.gap.horizons.selection.stepwise import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.selection.worth import LOUDLY, Worth, worth
@@ -111,16 +111,11 @@ def judge(
     case = sharp(case, [plain.model.at(plain.z)], SHARPER)
     problem, test = Problem(case.fit), Problem(case.test)
 
-    def held(fit: Fit) -> float:
-        return test.scored(fit).cost if case.held else 0.0
-
-    def tested(found: Found) -> tuple[Found, tuple[Worth, ...]]:
-        return _tested(problem, test, found) if case.held else (found, ())
-
     def searched_with(base: Model, terms: Sequence[Term], suspects: Sequence[str]) -> Found:
         return search(
-            problem, base, terms, suspects, progress, lambda found: tested(found)[0], held
-        )
+            problem, base, terms, suspects, progress,
+            lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
+        )  # fmt: skip
 
     found = searched_with(base, terms, suspects)
     if is_delicate(case.fit, found.fit.model.at(found.fit.z)):
@@ -132,8 +127,8 @@ def judge(
         if case.logs[0].early:  # the stages took the current as it was logged
             stages, suspects = None, ()
         return judge(case, stages, progress, suspects, excluded, explained=explained, timed=True)
-    found = _beyond_tolerance(problem, held, found)
-    tests = tested(found)[1]
+    found = _beyond_tolerance(problem, test, found)
+    tests = _tested(problem, test, found)[1]
     searched, found = found, _polished(case, problem, test, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
     joints["base"] = found.base.model.at(found.base.z)
@@ -249,7 +244,7 @@ def _is_weight(found: Found, index: int) -> bool:
     return term.name == "gravity" and term.restated
 
 
-def _beyond_tolerance(problem: Problem, held: Held, found: Found) -> Found:
+def _beyond_tolerance(problem: Problem, test: Problem, found: Found) -> Found:
     """Return a search in which a freed datasheet value counts as seen if errors show it.
 
     Without it, the fit strains the datasheet for almost the same value; here it is compared with
@@ -260,8 +255,8 @@ def _beyond_tolerance(problem: Problem, held: Held, found: Found) -> Found:
         if term.tight is None:
             continue
         near = kept_near(problem, found.fit, k, OUTSIDE)
-        more = held(near) - held(found.fit)
-        shown = replace(worth(problem, near, found.fit, term), held=more)
+        held = test.scored(near).cost - test.scored(found.fit).cost
+        shown = replace(worth(problem, near, found.fit, term), held=held)
         if shown.enough and shown.seen and (shown.fall > worths[k].fall or not worths[k].seen):
             worths[k], less[k] = shown, near
     return replace(found, worths=tuple(worths), less=tuple(less))
