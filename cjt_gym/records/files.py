@@ -17,7 +17,7 @@ from cjt_gym.errors import RecordError, check_type, unknown_name
 from cjt_gym.records.formats import FORMATS, Table, format_of, writer_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
 from cjt_gym.records.metadata import describes_record, facts_path, metadata_text, read_metadata
-from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load
+from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load, missing_joint
 from cjt_gym.records.sources import aligned, clock, mapped
 
 MappingLike = str | Path | Mapping[str, Any]
@@ -92,7 +92,14 @@ def mapping_of(
     found = _given_or_beside(path, mapping)
     if found is None:
         return None
-    return load_mapping(found, gear_ratio_of(path, mapping) if n is None else n)
+    try:
+        return load_mapping(found, gear_ratio_of(path, mapping) if n is None else n)
+    except RecordError as error:
+        named = read_document(found).get("joint")
+        missing = missing_joint(named, None, path) if isinstance(named, str) else ""
+        if missing:
+            raise RecordError(f"{error} {missing}") from None
+        raise
 
 
 def gear_ratio_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> float | None:

@@ -171,14 +171,9 @@ class Record:
     @property
     def missing_joint(self) -> str:
         """That the joint file it names is missing, and where it was looked for; else empty."""
-        if self.joint is None or not Path(self.joint).suffix:
+        if not isinstance(self.joint, str):
             return ""
-        places = _places(self.joint, self.provenance.get(JOINT_FILE), self.origin)
-        places.append(Path(self.joint))
-        if any(os.path.isfile(place) for place in places):
-            return ""
-        tried = ", ".join(dict.fromkeys(str(place.absolute()) for place in places))
-        return f"The joint file {self.joint} does not exist. It was looked for as {tried}."
+        return missing_joint(self.joint, self.provenance.get(JOINT_FILE), self.origin)
 
     def slice(self, start: int | None = None, stop: int | None = None) -> Record:
         """Return the samples from ``start`` up to but not including ``stop``, as in a Python slice.
@@ -213,6 +208,18 @@ def joint_to_load(name: str, made_with: object, origin: Path | None) -> str | Pa
     """
     places = _places(name, made_with, origin)
     return next((place for place in places if os.path.isfile(place)), name)
+
+
+def missing_joint(name: str, made_with: object, origin: Path | None) -> str:
+    """Return that the joint file a record names is missing, and where it was looked for.
+
+    An empty string where the file is there, or where the name is none of a file.
+    """
+    places = [*_places(name, made_with, origin), Path(name)]
+    if not Path(name).suffix or any(os.path.isfile(place) for place in places):
+        return ""
+    tried = dict.fromkeys(str(place.absolute()) for place in places)
+    return f"The joint file {name} does not exist. It was looked for as {', '.join(tried)}."
 
 
 def _places(name: str, made_with: object, origin: Path | None) -> list[Path]:
