@@ -8,7 +8,7 @@ import numpy as np
 
 from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.baselines.linear_row import grid
-from cjt_gym.baselines.pid import CUTOFF_HZ, FilteredDerivative, damping_gains
+from cjt_gym.baselines.pid import FilteredDerivative, damping_gains, usual_cutoff
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
@@ -31,7 +31,7 @@ class ReferenceVelocity:
 
     def __init__(self, joint: Joint, dt: float) -> None:
         self.stiffness = SampledJoint(joint, dt).stiffness
-        self.rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
+        self.rate = FilteredDerivative(usual_cutoff(dt), dt)
         self.share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)  # of a new dq_l, in a sample
         self._load = np.zeros(0)
 

@@ -10,7 +10,15 @@ from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid
-from cjt_gym.baselines.pid import CUTOFF_HZ, KD, KP, FilteredDerivative, damping_gains, pid
+from cjt_gym.baselines.pid import (
+    CUTOFF_HZ,
+    KD,
+    KP,
+    FilteredDerivative,
+    damping_gains,
+    pid,
+    usual_cutoff,
+)
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import best_gains
 from cjt_gym.errors import ConfigurationError, check_name
@@ -105,8 +113,8 @@ def _defaults(joint: Joint, dt: float) -> Gains:
 
 def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
     derivative = "error" if gains["lead"] >= 0.5 else "output"
-    limit = limits_of(joint).tau
-    return PdFeedForward(gains["kp"], gains["kd"], dt, derivative, torque_limit=limit)
+    limit, cutoff = limits_of(joint).tau, usual_cutoff(dt)
+    return PdFeedForward(gains["kp"], gains["kd"], dt, derivative, cutoff, limit)
 
 
 ROW = ControllerEntry(

@@ -66,12 +66,14 @@ class FilteredDerivative:
         return self._y
 
 
-def derivative(dt: float, cutoff_hz: float | None = None) -> tuple[Floats, Floats, Floats, float]:
-    """Return `FilteredDerivative` as a state space (a, b, c, d), at 200 Hz unless told otherwise.
+def usual_cutoff(dt: float) -> float:
+    """Return 200 Hz, or four fifths of the Nyquist frequency where samples are slow."""
+    return min(CUTOFF_HZ, 0.4 / dt)
 
-    Where samples are slow, 200 Hz become four fifths of the Nyquist frequency.
-    """
-    f = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt) if cutoff_hz is None else cutoff_hz, dt)
+
+def derivative(dt: float, cutoff_hz: float | None = None) -> tuple[Floats, Floats, Floats, float]:
+    """Return `FilteredDerivative` as a state space (a, b, c, d), with the usual cut-off if None."""
+    f = FilteredDerivative(usual_cutoff(dt) if cutoff_hz is None else cutoff_hz, dt)
     return np.array([[f.a]]), np.array([f.b * (f.a - 1.0)]), np.ones(1), f.b
 
 

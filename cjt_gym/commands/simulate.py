@@ -44,6 +44,9 @@ from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 TRACKING, NONE = "pd_feedforward", "none"
 """The default controller, and the name for no controller at all."""
 COMMANDS, CURRENT = ("i_cmd", "tau_cmd"), "i"
+BY_VOLTAGE = (
+    'load_joint(FILE, STRUCTURE, drive="static").simulate(voltage=record["v"], dt=record.dt)'
+)
 """What of a record is replayed, and what is where none of these was logged: the measured current,
 which has passed the drive."""
 PAST = "measured current replayed in open loop, past the effects of the drive"
@@ -142,10 +145,12 @@ def _task(options: argparse.Namespace) -> Task:
     controller = options.controller or (NONE if replayed and not tracked else TRACKING)
     if controller == NONE and not replayed:
         what = "no record" if recorded is None else f"{recorded.owner}, which has neither"
+        volts = recorded is not None and "v" in recorded
+        also = f" A voltage is replayed in Python: {BY_VOLTAGE}." if volts else ""
         raise ConfigurationError(
             f"--controller {NONE} replays the command ({' or '.join(COMMANDS)}) of a record, or "
             f"its measured current ({CURRENT}), got {what}. Give one as --reference, or a "
-            f"controller: {', '.join(CONTROLLERS)}."
+            f"controller: {', '.join(CONTROLLERS)}.{also}"
         )
     length = 10.0 if recorded is None else len(recorded) * recorded.dt
     said = None if recorded is None else recorded.structure

@@ -96,7 +96,7 @@ def diagnose(
     exam = examination_of(given, file, shape)
     if any(NOT_THE_INPUT in fault for fault in exam.faults):
         raise _driven_by_another(first)
-    if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
+    if (exam.at_rest or exam.hardly_moves) and set(exam.can_tell) <= set(MEASURES):
         raise _nothing_moves(first)
     for record in (*given, *held):
         _check_angle(record)
@@ -170,9 +170,9 @@ def _driven_by_another(record: Record) -> RecordError:
 def _nothing_moves(record: Record) -> RecordError:
     return RecordError(
         f"{record.owner}: nothing moves by more than its noise, or all of it from one row to the "
-        "next, so that the record cannot tell what moves the joint. Record motion: drive the joint "
-        "far enough that it turns by a thousand counts, and log a hundred rows for each of its "
-        "swings. cjt-gym check says what else to record."
+        "next or within a few rows, so that the record cannot tell what moves the joint. Record "
+        "motion: drive the joint far enough that it turns by a thousand counts, and log a hundred "
+        "rows for each of its swings. cjt-gym check says what else to record."
     )
 
 

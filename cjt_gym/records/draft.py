@@ -49,7 +49,8 @@ OUTSIDE: Final = "load ext external"
 OTHERS: Final = "gravity hall pid gain"
 """Words of what is computed, or measured for something else."""
 OTHER_SIDE: Final = {"q_m": "q_l", "dq_m": "dq_l"}
-"""What the second of two equal sensors measures: the other side of a spring."""
+"""What the second of two equal sensors, or one beside the motor's, measures: the other side of a
+spring."""
 SIDED: Final = ("q_m", "dq_m", "tau_m", "tau_cmd")
 
 
@@ -64,8 +65,13 @@ def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
     rest: list[str] = []
     for name, values in table.items():
         column = guess(name) if _has_numbers(values) else None
-        if column in OTHER_SIDE and _is_second(name, guesses.get(column, "")):
-            column = OTHER_SIDE[column]
+        first = guesses.get(column or "", "")
+        if column in OTHER_SIDE and first:
+            other = OTHER_SIDE[column]
+            if _is_of_motor(name) and not _is_of_motor(first) and other not in guesses:
+                guesses[column], name = name, first
+            if _is_second(name, first) or _is_of_motor(guesses[column]):
+                column = other
         if column is None or column in guesses:
             rest.append(f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {_quoted(name)}\n")
         else:
@@ -104,6 +110,11 @@ def guess(name: str) -> str | None:
     if commanded or reference:
         return "q_ref" if kind == "q" else None
     return kind + ("_l" if _any(LOAD, words) else "_g" if _any(GEAR, words) else "_m")
+
+
+def _is_of_motor(name: str) -> bool:
+    """Return whether a name says that a sensor is the motor's."""
+    return not _words(name).isdisjoint({"motor", "rotor"})
 
 
 def _is_second(name: str, first: str) -> bool:

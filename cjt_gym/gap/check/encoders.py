@@ -55,7 +55,8 @@ def exchanged(view: View) -> list[str]:
     if not there or shape.output_fixed or not all(view.channels[name].moves for name in ends):
         return []
     told = "q_m and q_l seem to be exchanged."
-    kept, turned = (_left_of_torque(view, *pair) for pair in (ends, ends[::-1]))
+    kept = min(_left_of_torque(view, *ends, sign) for sign in (1.0, -1.0))  # or it is its sign
+    turned = _left_of_torque(view, *ends[::-1])
     if turned <= min(TOLD, SURE * kept):
         return [
             f"The torque of {view.drive} turns q_l, and a spring then pulls q_m along: "
@@ -70,13 +71,13 @@ def exchanged(view: View) -> list[str]:
     ]
 
 
-def _left_of_torque(view: View, driven: str, pulled: str) -> float:
+def _left_of_torque(view: View, driven: str, pulled: str, sign: float = 1.0) -> float:
     """Return the share of the motor's torque that a body on a spring leaves unexplained."""
 
     def terms(piece: Columns) -> tuple[Floats, list[Floats]]:
         own = motion(piece, driven, 1.0, view.width)
         apart = own["q"] - smooth(piece[pulled], view.width)
-        driving = smooth(view.driving(piece), view.width)
+        driving = sign * smooth(view.driving(piece), view.width)
         return driving, [own["a"], own["v"], np.sign(own["v"]), apart]
 
     return _left_over(view, terms)

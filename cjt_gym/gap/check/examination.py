@@ -30,6 +30,7 @@ class Examination:
         channels: Properties of each channel.
         notes: Remarks on the log that are not faults, a sentence each.
         at_rest: Whether nothing moves by more than its noise.
+        hardly_moves: Whether the motor moves in too few samples for anything to be told of it.
         back: Share of the moving samples that go the rarer way.
     """
 
@@ -41,6 +42,7 @@ class Examination:
     channels: Mapping[str, Channel]
     notes: tuple[str, ...] = ()
     at_rest: bool = False
+    hardly_moves: bool = False
     back: float = 0.0
 
     def __str__(self) -> str:

@@ -11,7 +11,7 @@ from cjt_gym.gap.check import drive, friction, load, sensing, torque, transmissi
 from cjt_gym.gap.check.channels import measured
 from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.faults import faults, notes
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
+from cjt_gym.gap.check.verdicts import TOO_FEW, Seen, Unseen, Verdict, no_balance
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.fields import check_bodies
@@ -142,6 +142,7 @@ def examination_of(
         channels=view.channels,
         notes=known,
         at_rest=view.at_rest,
+        hardly_moves=no_balance(view) is TOO_FEW,
         back=min(view.both_ways),
     )
 

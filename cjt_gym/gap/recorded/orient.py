@@ -250,8 +250,9 @@ class _Motor:
     def of(cls, channels: dict[str, Floats], dt: float, axis: str) -> _Motor | None:
         driving = next((name for name in DRIVING if name in channels), None)
         moving = "q_m"
-        if moving not in channels and {"dq_m", "tau_l"} <= channels.keys():
-            moving = "dq_m"  # a weight, as an arm has, needs the angle
+        told = driving == "v" or "tau_l" in channels  # a weight, as an arm has, needs the angle
+        if moving not in channels and "dq_m" in channels and told:
+            moving = "dq_m"
         if driving is None or moving not in channels:
             return None
         width = int(np.clip(round(SMOOTH / dt) | 1, 5, 101))

@@ -23,6 +23,7 @@ from cjt_gym.gap.report.words import (
     CHANNELS,
     VERDICTS,
     effect_name,
+    error_of,
     interval,
     noise_floor,
     number,
@@ -76,7 +77,8 @@ def _head(diagnosis: Diagnosis, title: str) -> str:
     if diagnosis.effects or gap.after != gap.before:
         figures = [("gap before", figures[0][1]), ("gap after", percent(gap.after)), figures[1]]
         spread = f"{percent(gap.low)} … {percent(gap.high)}"
-        figures.append(("replay error removed", f"{percent(gap.removed)}<small>{spread}</small>"))
+        removed = f"{error_of(diagnosis)} removed".removeprefix("the ")
+        figures.append((removed, f"{percent(gap.removed)}<small>{spread}</small>"))
     tiles = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
     about = " · ".join(escape(text) for text in (source.joint, source.structure) if text)
     return (

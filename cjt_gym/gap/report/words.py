@@ -236,6 +236,13 @@ def _in_the_noise(diagnosis: Diagnosis) -> str:
     )
 
 
+def error_of(diagnosis: Diagnosis) -> str:
+    """Return which error measures the gap: that of a replay, or of predictions."""
+    gap = diagnosis.gap
+    ahead = [h for h in diagnosis.horizons if (h.datasheet, h.found) == (gap.before, gap.after)]
+    return f"the error {ahead[-1].seconds:.3g} s ahead" if ahead else "the replay error"
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return the verdict in one plain sentence."""
     gap = diagnosis.gap
@@ -257,7 +264,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         else:
             text += _in_the_noise(diagnosis)
         change = f"{percent(gap.before)} to {percent(gap.after)}"
-        better = f" Refining its values takes the replay error from {change}."
+        better = f" Refining its values takes {error_of(diagnosis)} from {change}."
         return text + (better if gap.removed >= NOTABLE else "")
     if diagnosis.verdict == "unexplained" and not gap.floor and gap.removed < NOTABLE:
         lost = f"{percent(gap.after)} of what the joint does is not predicted"
@@ -283,9 +290,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         return f"{text.removesuffix(',')}{'' if left.stage is None else f'; {rest}'}."
     if left.stage is not None:
         # How much is another measure, of a stage's residual or a prediction: `left` tells it.
-        fall = (
-            f", so that the replay error falls from {percent(gap.before)} to {percent(gap.after)}"
-        )
+        change = f"{percent(gap.before)} to {percent(gap.after)}"
+        fall = f", so that {error_of(diagnosis)} falls from {change}"
         if not moving:
             names = names.removesuffix(",")
             return f"{lies}; no effect of the table explains it; sensors differ as well: {names}."
@@ -296,8 +302,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             return f"{lies}: {names}."
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         return (
-            f"Values refined within their tolerances take the replay error from {change}; apart "
-            f"from that only sensors differ: {names}."
+            f"Values refined within their tolerances take {error_of(diagnosis)} from {change}; "
+            f"apart from that only sensors differ: {names}."
         )
     text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
     if gap.after > max(OPEN, AGAIN * gap.floor):

@@ -85,7 +85,7 @@ def _array(data: bytes, order: str, depth: int) -> tuple[str, Any]:
     parts = _elements(data, order)
     (flags, _), shape, name = (
         np.frombuffer(_next(parts, UINT32), f"{order}u4", 2).tolist(),
-        tuple(np.frombuffer(_next(parts, INT32), f"{order}i4").tolist()),
+        tuple(np.frombuffer(_next(parts, INT32, UINT32), f"{order}i4").tolist()),
         _next(parts, INT8).decode("latin-1"),
     )
     kind = flags & 0xFF
@@ -96,10 +96,10 @@ def _array(data: bytes, order: str, depth: int) -> tuple[str, Any]:
     return name, None
 
 
-def _next(parts: Iterator[Element], wanted: int) -> bytes:
+def _next(parts: Iterator[Element], *wanted: int) -> bytes:
     kind, content = next(parts, (0, b""))
-    if kind != wanted:
-        raise ValueError(f"an array has a part of type {kind} in place of {wanted}")
+    if kind not in wanted:
+        raise ValueError(f"an array has a part of type {kind} in place of {wanted[0]}")
     return content
 
 

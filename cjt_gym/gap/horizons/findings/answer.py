@@ -79,6 +79,9 @@ def judged(
         file: The nominal joint.
         shape: Structure of the joint.
         progress: Called with a description of the current step.
+
+    Raises:
+        CjtGymError: Neither stages nor predictions tell anything; the message says why.
     """
     first = without_open(first, file)
     exam = first.examination
@@ -89,6 +92,8 @@ def judged(
         names, settled = [e.name for e in first.effects], first.verdict in SETTLED
         found = judge(case, stages, progress, names, excluded, explained=settled)
     except (CjtGymError, np.linalg.LinAlgError) as error:
+        if isinstance(error, CjtGymError) and not first.evidence.regimes:
+            raise
         said = f"Predictions over several horizons were not possible: {error}"
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")
         return allowed_by(replace(first, unexplained=left), excluded)

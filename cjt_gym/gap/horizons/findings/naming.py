@@ -10,7 +10,7 @@ import numpy as np
 
 from cjt_gym.gap.diagnosis import EVEN_CHANCE, LEVELLESS, MUCH_LEFT, Interval, NamedEffect
 from cjt_gym.gap.horizons.findings.by_torque import DRY, agrees, either, inertia_by_torque
-from cjt_gym.gap.horizons.findings.corrected_values import LATE
+from cjt_gym.gap.horizons.findings.corrected_values import LATE, imposed
 from cjt_gym.gap.horizons.findings.held_output import held_alike
 from cjt_gym.gap.horizons.findings.naming_rules import (
     LEVELS,
@@ -93,13 +93,14 @@ def _of_search(
     """Return the terms of a search to name; `alone` as for `is_named`."""
     assert judged.found is not None
     assert judged.problem is not None
-    found, spread = judged.found, judged.spread
+    found, spread, astray = judged.found, judged.spread, bool(imposed(judged))
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
         open_ = term.name in excluded and not is_overwhelming(judged, k, excluded)
         at_once = term.name in LATE and follows_at_once(judged)
-        if at_once or open_ or not (there and term.told):
+        unreal = term.name == "inertia" and astray
+        if at_once or open_ or unreal or not (there and term.told):
             continue
         beside = shares(judged, k)
         if is_named(judged, k, term, seen, alone=alone, shared=bool(beside)):

@@ -93,8 +93,7 @@ def make_case(
     test = tested(other or logs, kept or own)
     every = tested(logs, pieces) if kept and not other else test
     response = fit_drive(first, [p for p in own if p.log == 0])
-    held = bool(kept)
-    return Case(joint, tuple(logs), fit, fine, test, every, response, bool(other), held)
+    return Case(joint, tuple(logs), fit, fine, test, every, response, bool(other), bool(kept))
 
 
 def sharp(case: Case, joints: Sequence[Joint], most: float = 1.0) -> Case:

@@ -99,7 +99,7 @@ def placed(
     at = np.concatenate(places)
     piece = np.repeat(np.arange(len(own)), [len(x) for x in places])
     motion = _motion(log, at, length, horizons)
-    if np.mean(motion) ** 2 > EVEN * np.mean(motion**2):
+    if np.mean(motion) ** 2 >= EVEN * np.mean(motion**2):  # also where nothing moves
         return even
     each = np.bincount(piece, motion)
     motion *= np.minimum(1.0, OF_ONE * each.sum() / np.maximum(each, NOTHING))[piece]
