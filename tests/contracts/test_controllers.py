@@ -332,3 +332,9 @@ def test_the_sampled_loop_is_stable_where_a_simulation_of_it_is() -> None:
 
 def test_a_joint_without_spring_gets_gains_without_derivative() -> None:
     assert default_gains("pd_feedforward", load_joint("emps", "rigid"), DT)["kd"] == 0.0
+
+
+def test_default_gains_of_pd_control_suit_a_slow_loop(joint: Joint) -> None:
+    controller = make_controller("pd_feedforward", joint, 5e-3)
+    assert isinstance(controller, PdFeedForward)
+    assert controller.cutoff_hz == pytest.approx(80.0)

@@ -15,6 +15,7 @@ from cjt_gym.joint import JointFile, Structure, get_structure, load_joint_file
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.records import Record, read_record
 from tests.gap.horizons.rotor import datasheet
+from tests.gap.test_back_emf import motor, sheet
 
 Blind = tuple[Record, JointFile, Structure]
 
@@ -39,6 +40,17 @@ def locked(tmp_path_factory: pytest.TempPathFactory) -> Blind:
 
 def turned(record: Record, *names: str) -> Record:
     return record.with_columns({name: -record[name] for name in names})
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_voltage_that_was_turned_is_told_by_the_speed_alone(sign: float) -> None:
+    columns = {name: motor()[name] for name in ("t", "v", "dq_m")}
+    told = Record(columns, {"t": "s", "v": "V", "dq_m": "rad/s"}).with_columns(
+        {"v": sign * columns["v"]}
+    )
+    oriented, repairs = orient(told, sheet(0.05), get_structure("rigid"))
+    assert bool(repairs) == (sign < 0.0)
+    assert np.corrcoef(oriented["v"], oriented["dq_m"])[0, 1] > 0.0
 
 
 @pytest.mark.parametrize("kind", ["free", "locked"])

@@ -144,6 +144,12 @@ def test_exchanged_encoders_are_told(tmp_path: Path) -> None:
             assert any("seem to be exchanged" in fault for fault in faults) == told
 
 
+def test_a_command_with_the_wrong_sign_is_no_exchange_of_encoders(tmp_path: Path) -> None:
+    made = log(STRUCTURE, "missing")
+    faults = examine(made.with_columns({"i": -made["i"]}), sheet(tmp_path), STRUCTURE).faults
+    assert not any("exchanged" in fault for fault in faults)
+
+
 def test_a_load_tells_exchanged_encoders_where_the_torque_does_not(tmp_path: Path) -> None:
     made = log(STRUCTURE, "missing")
     scattered = np.random.default_rng(2).standard_normal(SAMPLES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 import sys
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,17 @@ def test_vectors_and_structures_of_matlab(tmp_path: Path) -> None:
     savemat(tmp_path / "none.mat", {"kp": "text"})
     with pytest.raises(RecordError, match="found only kp. Objects such as timeseries"):
         read_log(tmp_path / "none.mat")
+
+
+def test_dimensions_of_matlab_without_a_sign(tmp_path: Path) -> None:
+    """LabVIEW writes the dimensions of arrays as numbers without a sign."""
+    savemat(tmp_path / "log.mat", {"t": T[:, None], "pos": Q[:, None]}, do_compression=False)
+    signed, unsigned = (struct.pack("<II", kind, 8) for kind in (5, 6))
+    content = (tmp_path / "log.mat").read_bytes()
+    assert content.count(signed) == 2
+    (tmp_path / "log.mat").write_bytes(content.replace(signed, unsigned))
+    record = read_record(tmp_path / "log.mat", mapping={"columns": {"t": {}, "q_m": "pos"}})
+    assert np.array_equal(record["q_m"], Q)
 
 
 def test_matlab_7_3_and_hdf5(tmp_path: Path) -> None:

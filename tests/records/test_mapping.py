@@ -343,6 +343,14 @@ def test_a_draft_asks_for_the_unit_of_times_that_their_name_makes_too_short() ->
         assert told in draft("log.csv", {"timestamp(ms)": factor * seconds})
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_beside_the_motors_sensor_another_is_that_of_the_load(order: int) -> None:
+    names = ("actual_position", "motor_position")[::order]
+    text = draft("log.csv", {name: np.array([0.0, 1.0]) for name in names})
+    of_load, of_motor = (text.split(f'source = "{n}"')[0].splitlines()[-1] for n in sorted(names))
+    assert (of_load, of_motor) == ("[columns.q_l]  # from 0 to 1", "[columns.q_m]  # from 0 to 1")
+
+
 def test_the_second_of_two_equal_sensors_is_on_the_other_side_of_the_spring() -> None:
     names = ("Encoder 1 [counts]", "Encoder 2 [counts]", "Encoder 3 [counts]", "Motor position")
     text = draft("log.csv", {name: np.array([0.0, 1.0]) for name in names})

@@ -17,9 +17,13 @@ RIGID = get_structure("rigid")
 LOST = (5.0, 5.12)
 
 
+def log_of(made: Record) -> Log:
+    return to_log(made, datasheet(), RIGID)
+
+
 @pytest.fixture(scope="module")
 def log() -> Log:
-    return to_log(record(), datasheet(), RIGID)
+    return log_of(record())
 
 
 def test_no_window_spans_a_gap() -> None:
@@ -39,6 +43,14 @@ def test_what_is_held_out_lies_between_what_is_fitted(log: Log) -> None:
     kept = [k for k, (_, is_held) in enumerate(order) if is_held]
     assert kept[0] > 0
     assert min(np.diff(kept)) > 1, "no two neighbours are held out"
+
+
+def test_a_log_at_rest_has_evenly_spread_windows() -> None:
+    still = record().with_columns({"q_m": np.zeros(len(record()))})
+    log = log_of(still)
+    (group,) = make_windows([log], cut([log])).groups
+    assert np.isfinite(group.weights).all()
+    assert np.ptp(np.diff(group.starts)) <= 1
 
 
 def test_of_a_record_with_motion_in_few_pieces_none_is_held_out() -> None:
