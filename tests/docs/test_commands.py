@@ -38,7 +38,14 @@ def test_commands_of_a_tutorial_run_one_after_the_other(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    shown = commands(page(f"tutorials/{tutorial}"))
+    text = page(f"tutorials/{tutorial}")
+    shown, told = commands(text), ""
     assert len(shown) > 3
     for words in shown:
         assert main(shortened(words)) == 0, (words, capsys.readouterr().err)
+        told += capsys.readouterr().out
+    if tutorial == "diagnose":
+        answer = text.split("```text\nEXPLAINED")[1].split("```")[0]
+        lines = ("EXPLAINED" + answer).replace("...", "").strip().splitlines()
+        plain = told.replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")
+        assert [line for line in lines if line not in plain] == []
