@@ -96,10 +96,10 @@ def diagnose(
     exam = examination_of(given, file, shape)
     if any(NOT_THE_INPUT in fault for fault in exam.faults):
         raise _driven_by_another(first)
-    if (exam.at_rest or exam.hardly_moves) and set(exam.can_tell) <= set(MEASURES):
-        raise _nothing_moves(first)
     for record in (*given, *held):
         _check_angle(record)
+    if (exam.at_rest or exam.hardly_moves) and set(exam.can_tell) <= set(MEASURES):
+        raise _nothing_moves(first)
     absent = {name: said for one in given for name, (_, said) in unmeasured(one).items()}
     remarks = list(dict.fromkeys(repair.text for repair in (*turned, *also)))
     remarks += [f"{name} {said}, and was not used." for name, said in absent.items()]
