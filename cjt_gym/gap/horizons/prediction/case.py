@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.prediction.angle_noise import speed_noise
 from cjt_gym.gap.horizons.prediction.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.prediction.log import SMOOTH, Log, to_logs
 from cjt_gym.gap.horizons.prediction.model import quiet
-from cjt_gym.gap.horizons.prediction.pieces import cut, split
+from cjt_gym.gap.horizons.prediction.pieces import FEWEST, cut, split
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, MOST, Windows, make_windows, rescaled
 from cjt_gym.gap.recorded.cut import Cut, cut_of
 from cjt_gym.joint import Joint, JointFile, Structure
@@ -86,8 +86,9 @@ def make_case(
     effects = resolve_effects(None, file, shape, drive)
     joint = quiet(Joint(file, shape.name, drive, effects), driven=first.drive != "i")
     pieces = cut(logs)
-    own, kept = (pieces, cut(other)) if other else split(logs, pieces)
-    whole = shape.output_fixed
+    whole = shape.output_fixed  # of which a single piece tells as much as others
+    fewest = 1 if whole else FEWEST
+    own, kept = (pieces, cut(other)) if other else split(logs, pieces, fewest)
     fit, fine = (make_windows(logs, own, most, whole=whole) for most in (MOST, FINE))
     tested = partial(make_windows, most=TEST, whole=whole, kept=1.0)
     test = tested(other or logs, kept or own)

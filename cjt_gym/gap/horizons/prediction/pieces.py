@@ -51,15 +51,17 @@ def cut(logs: Sequence[Log]) -> list[Piece]:
     return [p for p in found if p.stop - p.start >= 2 * SHORTEST]
 
 
-def split(logs: Sequence[Log], pieces: Sequence[Piece]) -> tuple[list[Piece], list[Piece]]:
+def split(
+    logs: Sequence[Log], pieces: Sequence[Piece], fewest: int = FEWEST
+) -> tuple[list[Piece], list[Piece]]:
     """Return pieces to fit and pieces to hold out, the latter chosen from those with motion.
 
-    Of a record with motion in few pieces none is held out.
+    Of a record with motion in few pieces, so that fewer than `fewest` would be, none is held out.
     """
     moved = [_motion(logs[p.log], p) for p in pieces]
     moving = [k for k, m in enumerate(moved) if m > 0.05 * max(moved)]
     held = set(moving[HELD // 2 :: HELD])
-    held = held if len(held) >= FEWEST else set()
+    held = held if len(held) >= fewest else set()
     return (
         [p for k, p in enumerate(pieces) if k not in held],
         [p for k, p in enumerate(pieces) if k in held],
