@@ -103,7 +103,7 @@ def run(options: argparse.Namespace) -> Answer:
     refuse_inputs(
         [folder / name for name in (*FILES, *NEXT)], [nominal, *options.records, *options.validate]
     )
-    folder.mkdir(parents=True, exist_ok=True)  # before the work, which an error would waste
+    _make(folder)
     found = diagnose(fitted, file, structure, held, progress=tell)
     tell("replaying in a closed loop")
     loop = in_the_loop(found, file, structure, fitted, held, agents)
@@ -166,6 +166,16 @@ def write_files(
     title, tables = f"Diagnosis of {name}", loop.tables()
     write_report(diagnosis, folder / "report.html", title=title, notes=notes, tables=tables)
     return diagnosis
+
+
+def _make(folder: Path) -> None:
+    """Make the folder before the work begins, so that its writer need not wait for an error."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"The folder {folder} cannot be created: {error.strerror}. Give another one with --out."
+        ) from error
 
 
 def joint_text(diagnosis: Diagnosis, name: str) -> str:

@@ -23,6 +23,7 @@ from cjt_gym.gap.recorded.usable import check_one_joint, measured_only, unmeasur
 from cjt_gym.joint import get_structure, to_toml
 from cjt_gym.records import Record, read_record
 from tests.gap.horizons.rotor import INERTIA, datasheet, record
+from tests.gap.test_back_emf import motor, sheet
 
 
 def written(folder: Path, name: str, inertia: float) -> Record:
@@ -35,6 +36,21 @@ def written(folder: Path, name: str, inertia: float) -> Record:
     joint = to_toml(datasheet(inertia))
     (folder / f"{name}.joint.toml").write_text(joint, encoding="utf-8")
     return read_record(folder / f"{name}.npz")
+
+
+def test_a_record_without_motion_is_refused_with_the_reason() -> None:
+    made = motor()
+    bare = Record({name: made[name] for name in ("t", "v")}, {"t": "s", "v": "V"})
+    with pytest.raises(RecordError, match="must have the motor's angle"):
+        diagnose(bare, sheet(0.05), "rigid")
+
+
+def test_a_motor_that_moves_in_a_few_rows_is_refused() -> None:
+    made = record(seconds=4.0)
+    angle = np.zeros(len(made))
+    angle[-12:] = 0.01 * np.arange(12.0) ** 2
+    with pytest.raises(RecordError, match="within a few rows"):
+        diagnose(made.with_columns({"q_m": angle}), datasheet(), "rigid")
 
 
 def test_records_of_two_joints_are_not_diagnosed_together(tmp_path: Path) -> None:

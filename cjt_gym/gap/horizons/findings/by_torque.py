@@ -131,7 +131,7 @@ def told_by_torque(
     names = {e.name for e in named}
     found: list[NamedEffect] = []
     joint = judged.case.joint
-    refuted = {} if judged.found is None else judged.found.refuted
+    refuted = judged.found.refuted if judged.found is not None and judged.case.held else {}
     driven = any(one.name in FRICTION and one.values[0] < 0.0 for one in seen.values())
     heaviest = HEAVIEST * scales_of(joint, judged.case.logs).peak
     for one in sorted(seen.values(), key=lambda s: -s.share):

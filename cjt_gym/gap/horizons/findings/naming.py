@@ -280,8 +280,8 @@ def _doubt(judged: Judgement, index: int, term: Term, alike: Sequence[str], remo
             worth.clear <= SURE * worth.needed or worth.fall <= FIRM * worth.price,
             "the record shows it in few places, or only just",
         ),
-        (test is not None and test.fall <= 0.0, "held-out data do not call for it"),
         (not judged.case.held, "nothing was held out to test it on: give a second record"),
+        (test is not None and test.fall <= 0.0, "held-out data do not call for it"),
         (
             term.name in MIMICS and removed <= MUCH,
             "an error of the input or the angle may look like it",
