@@ -24,6 +24,7 @@ from cjt_gym.joint.configure import (
     resolve_effects,
 )
 from cjt_gym.joint.effects import EFFECTS
+from cjt_gym.joint.files.diagnosed import was_held
 from cjt_gym.joint.files.joint_file import JointFile, load_joint_file
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.kernel.arrays import (
@@ -207,8 +208,9 @@ class Joint:
         voltage: ArrayLike | None = None,
         dt_physics: float = DT_PHYSICS,
         seed: int = 0,
+        held: bool | None = None,
     ) -> Record:
-        """Simulate the joint under given inputs, each held over its sample.
+        """Simulate the joint under given inputs.
 
         Row k holds what is true and measured at t = k dt, before input k acts. Where the load's
         motion is prescribed, its true velocity, and what the torque owes to it, are already those
@@ -227,6 +229,10 @@ class Joint:
                 (samples, 2) for v_q and v_d of `dq`.
             dt_physics: Substep [s]; dt is a whole multiple of it.
             seed: Seed of the sensors' noise.
+            held: Whether tau_m holds from its sample to the next, as a command does. If not, the
+                mean of both acts between them, which a torque does that is the measured current
+                of a log. None for what the record was that a diagnosis identified the joint from
+                ([found.input] of its file), held if it was not identified.
 
         Returns:
             A Record with the command, the measured channels, and the noise-free states in
@@ -237,6 +243,9 @@ class Joint:
             SimulationError: A state ceased to be finite.
         """
         commands = self._commands(tau_m, voltage)
+        acting = commands
+        if voltage is None and not (was_held(self.file) if held is None else held):
+            acting = 0.5 * (commands + np.vstack((commands[1:], commands[-1:])))
         samples = commands.shape[0]
         loads = np.zeros(samples) if load is None else checked_array("load", load, (samples,))
         substeps_of(dt, dt_physics, "dt")
@@ -246,12 +255,12 @@ class Joint:
         batch.arrays.state[0] = start
         batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
         if start[3:].any():
-            batch.arrays.commands[0] = commands[0]
+            batch.arrays.commands[0] = acting[0]
             if voltage is None:
-                batch.arrays.memory[0, [REFERENCE, LAGGED]] = commands[0, 0]
+                batch.arrays.memory[0, [REFERENCE, LAGGED]] = acting[0, 0]
             self._bend(batch)
         measured, true = np.zeros((samples, 8)), np.zeros((samples, 12))
-        done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)
+        done = simulate(batch.arrays, batch.setup, acting, loads, measured, true)
         if done < samples:
             raise SimulationError(
                 f"The state of {self.file.parameters.name} ceased to be finite after {done} "

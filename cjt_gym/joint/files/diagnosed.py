@@ -2,7 +2,7 @@
 
 ``[found.covariance]`` has `names` (such as "damping.d_m", as randomisations call them), `values`
 and `matrix`, in the units of the file. ``[found.speed]``, ``torque``, ``frequency`` and
-``temperature`` have `low`, `high` and `unit`.
+``temperature`` have `low`, `high` and `unit`. ``[found.input]`` has `held`.
 """
 
 from __future__ import annotations
@@ -68,6 +68,19 @@ def covariance_of(file: JointFile) -> Covariance | None:
 def ranges_of(file: JointFile) -> dict[str, Range]:
     """Return the ranges in which a joint was identified, by quantity."""
     return {name: _range(file, name) for name in QUANTITIES if name in file.found}
+
+
+def was_held(file: JointFile) -> bool:
+    """Return whether the input of a joint is held from row to row, as its diagnosis took it."""
+    table = file.found.get("input")
+    if table is None:
+        return True
+    held = table.get("held") if isinstance(table, Mapping) else None
+    if not isinstance(held, bool):
+        raise ParameterError(
+            f"[found.input] of {file.parameters.origin} must have held = true or false. {REMEDY}"
+        )
+    return held
 
 
 def _range(file: JointFile, name: str) -> Range:

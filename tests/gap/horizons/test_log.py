@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.findings.found_joint import found_at
 from cjt_gym.gap.horizons.fitting.base_terms import base_terms
 from cjt_gym.gap.horizons.fitting.fit import Problem
 from cjt_gym.gap.horizons.fitting.input_instants import lateness
 from cjt_gym.gap.horizons.fitting.terms import scales_of
-from cjt_gym.gap.horizons.prediction.case import by_angle, make_case
+from cjt_gym.gap.horizons.prediction.case import by_angle, late, make_case
 from cjt_gym.gap.horizons.prediction.forward import CHANNELS, Forecast
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.prediction.windows import relative
+from cjt_gym.gap.horizons.selection.judgement import Judgement
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.joint import Joint
@@ -71,6 +73,15 @@ def test_a_current_that_reaches_the_log_late_is_no_delay_of_the_drive() -> None:
     dry = named["coulomb"].parameters["d_cm"]
     assert dry.low < DRY < dry.high
     assert "samples_late = 2" in found.unexplained.text
+
+
+@pytest.mark.parametrize(("rows", "held"), [(0.0, False), (0.5, True)])
+def test_a_joint_says_how_the_current_was_taken_that_it_was_found_from(
+    rows: float, held: bool
+) -> None:
+    case = late(make_case([record()], [], datasheet(), get_structure("rigid")), rows)
+    found = found_at(Judgement(case, "found", case.joint, ()))
+    assert found["input"] == {"held": held}
 
 
 def test_bristles_predict_less_where_nobody_knows_how_they_were_bent() -> None:

@@ -130,5 +130,8 @@ def test_a_weight_that_check_says_the_record_shows_is_named_over_a_small_angle()
     found = diagnose(record, datasheet(), validate=swings(0.5))
     assert "gravity" in found.examination.can_tell
     (weight,) = (e for e in found.effects if e.name == "gravity")
-    assert weight.parameters["torque"].value == pytest.approx(WEIGHT, rel=0.1)
+    torque = weight.parameters["torque"]
+    assert torque.low < WEIGHT < torque.high
+    ratio = torque.value / found.joint.parameters.k_t
+    assert ratio == pytest.approx(WEIGHT / 1.0, rel=0.02)  # known in proportion only
     assert weight.status == "tentative"

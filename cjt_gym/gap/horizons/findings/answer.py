@@ -108,7 +108,10 @@ def _told(
     """Return the diagnosis of the joint that is the answer."""
     if found.answer == "stages":
         told = allowed_by(standing(first, found), excluded)
-        return replace(told, effects=tuple(as_plain(effect) for effect in told.effects))
+        text = f"{_contradicted(found)} {told.unexplained.text}".strip()
+        left = replace(told.unexplained, text=text)
+        effects = tuple(as_plain(effect) for effect in told.effects)
+        return replace(told, effects=effects, unexplained=left)
     told = retold(first, found, excluded, title)
     told = _with_elsewhere(told, first, measured=measured)
     told = allowed_by(with_drag(with_late_drive(told, found), found), excluded)

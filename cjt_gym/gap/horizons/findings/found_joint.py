@@ -167,6 +167,8 @@ def found_at(judged: Judgement, untold: Collection[str] = ()) -> FrozenMapping[P
         "torque": {"low": _finite(torque.min()), "high": _finite(torque.max()), "unit": force},
         "frequency": {"low": 0.0, "high": _finite(top), "unit": "Hz"},
     }
+    if logs[0].drive == "i":
+        found["input"] = {"held": all(np.array_equal(log.acting, log.command) for log in logs)}
     heat = [log.temperature for log in logs if log.temperature is not None]
     if heat:
         low, high = (_finite(x) for x in (min(t[0] for t in heat), max(t[1] for t in heat)))

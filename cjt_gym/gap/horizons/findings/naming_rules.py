@@ -110,8 +110,10 @@ def shares(judged: Judgement, index: int) -> str:
         return ""
     if any(found.worths[k].enough and found.worths[k].seen for k in drags):
         return ""
-    less = found.less[index]
-    (other,) = (k for k, t in enumerate(less.model.terms) if _is_drag(t))
+    less, key = found.less[index], found.fit.model.terms[index].key  # a listed one stays in it
+    others = (k for k, t in enumerate(less.model.terms) if _is_drag(t) and t.key != key)
+    if (other := next(others, None)) is None:
+        return ""
     both = worth(
         judged.problem, leave(judged.problem, less, other), found.fit, found.fit.model.terms[index]
     )
