@@ -153,7 +153,7 @@ def fitting_share(joint: Joint, torque: Floats, limits: SafetyLimits, dt: float)
 
 
 def _is_within(joint: Joint, torque: Floats, limits: SafetyLimits, dt: float) -> bool:
-    record = joint.simulate(torque, dt=dt, dt_physics=dt / np.ceil(dt / 1e-4))
+    record = joint.simulate(torque, dt=dt, held=True, dt_physics=dt / np.ceil(dt / 1e-4))
     p = joint.parameters
     twist = np.abs(record["true_tau"]).max() / p.get("k_b", np.inf)
     low, high = (HEADROOM * x if np.isfinite(x) else x for x in (limits.q_low, limits.q_high))

@@ -24,7 +24,7 @@ from cjt_gym.joint.configure import (
     resolve_effects,
 )
 from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.files.diagnosed import was_held
+from cjt_gym.joint.files.diagnosed import shares_of
 from cjt_gym.joint.files.joint_file import JointFile, load_joint_file
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.kernel.arrays import (
@@ -229,10 +229,10 @@ class Joint:
                 (samples, 2) for v_q and v_d of `dq`.
             dt_physics: Substep [s]; dt is a whole multiple of it.
             seed: Seed of the sensors' noise.
-            held: Whether tau_m holds from its sample to the next, as a command does. If not, the
-                mean of both acts between them, which a torque does that is the measured current
-                of a log. None for what the record was that a diagnosis identified the joint from
-                ([found.input] of its file), held if it was not identified.
+            held: Whether each input holds from its sample to the next, as a command does; if not,
+                the mean of both acts between them, as of what was measured. None for what a
+                diagnosis found of such a record ([found.input] of the joint's file), and held if
+                it found nothing.
 
         Returns:
             A Record with the command, the measured channels, and the noise-free states in
@@ -243,24 +243,25 @@ class Joint:
             SimulationError: A state ceased to be finite.
         """
         commands = self._commands(tau_m, voltage)
-        acting = commands
-        if voltage is None and not (was_held(self.file) if held is None else held):
-            acting = 0.5 * (commands + np.vstack((commands[1:], commands[-1:])))
         samples = commands.shape[0]
         loads = np.zeros(samples) if load is None else checked_array("load", load, (samples,))
+        between = [0.0, 0.0] if held else [0.5, 0.5]
+        share, load_share = shares_of(self.file, dt) if held is None else between
+        acting = np.column_stack([_after(x, share) for x in commands.T])
+        pulling = loads if self.structure_row.output_fixed else _after(loads, load_share)
         substeps_of(dt, dt_physics, "dt")
         batch = JointBatch(self, 1, dt, dt_physics, voltage=voltage is not None)
         batch.seed(0, seed)
         start = np.zeros(6) if x0 is None else checked_array("x0", x0, (6,))
         batch.arrays.state[0] = start
-        batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
+        batch.restart(np.ones(1, dtype=np.bool_), pulling[:1])
         if start[3:].any():
             batch.arrays.commands[0] = acting[0]
             if voltage is None:
                 batch.arrays.memory[0, [REFERENCE, LAGGED]] = acting[0, 0]
             self._bend(batch)
         measured, true = np.zeros((samples, 8)), np.zeros((samples, 12))
-        done = simulate(batch.arrays, batch.setup, acting, loads, measured, true)
+        done = simulate(batch.arrays, batch.setup, acting, pulling, measured, true)
         if done < samples:
             raise SimulationError(
                 f"The state of {self.file.parameters.name} ceased to be finite after {done} "
@@ -447,3 +448,9 @@ def _check_drive(joint: Joint) -> None:
 
 
 __all__ = ["DRIVES", "DT_PHYSICS", "Joint", "load_joint"]
+
+
+def _after(x: Floats, share: float) -> Floats:
+    """Return what acts from each sample to the next: an input after a share of the time between."""
+    rows = np.arange(len(x))
+    return np.asarray(np.interp(rows + share, rows, x)) if share else x

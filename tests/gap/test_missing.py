@@ -70,22 +70,17 @@ def test_without_position_the_torque_constant_is_judged_and_its_rival_said() -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rise", "names", "status"),
-    [
-        (0.0, ("coulomb",), "confirmed"),
-        (0.6, ("coulomb", "stribeck"), "tentative"),
-        (1.5, ("stribeck", "coulomb"), "tentative"),
-    ],
-)
+@pytest.mark.parametrize(("rise", "name"), [(0.0, "coulomb"), (0.6, "stribeck"), (1.5, "stribeck")])
 def test_friction_that_falls_below_the_stated_noise_is_not_confirmed_as_plain(
-    rise: float, names: tuple[str, ...], status: str
+    rise: float, name: str
 ) -> None:
     """Without the current its noise is stated, but not there: a residual far below is no floor."""
     record = simulate(4.0, friction=(1.5, 1.5), breakaway=(rise, 0.15))
     (effect,) = diagnose(only(record, "q_m", "tau", "i_cmd"), nominal()).effects
-    assert (effect.name, *effect.confusable_with[:1]) == names
-    assert (effect.status, bool(effect.doubt)) == (status, status == "tentative")
+    assert (effect.name, effect.status) == (name, "confirmed")
+    falls = {} if name == "coulomb" else {"d_sm": rise, "v_s": 0.15}
+    for symbol, true in ({"d_cm": 1.5} | falls).items():
+        assert effect.parameters[symbol].low < true < effect.parameters[symbol].high
 
 
 def test_a_record_without_the_command_is_not_asked_what_the_drive_does() -> None:

@@ -52,7 +52,7 @@ def test_guesses_of_the_scale_of_all_torques_do_not_hide_friction(channel: str) 
     vague = {s: Quantity(TRUE[s], units[s].unit, "guess", 2.0) for s in ("I_m", "k_t")}
     vague["d_m"] = Quantity(0.0, units["d_m"].unit, "not stated")
     file = replace(file, parameters=file.parameters.replace(**vague), sensors={})
-    moved = simulate(seconds=8.0, friction=(DRY, DRY), spring=lambda _: 0.0)
+    moved = simulate(seconds=14.0, friction=(DRY, DRY), spring=lambda _: 0.0)
     columns = {"t": moved.t, "q_m": moved["q_m"], channel: moved[channel]}
     units_of = {"t": "s", "q_m": "rad", channel: "A"}
     found = diagnose(Record(columns, units_of, structure="rigid"), file)

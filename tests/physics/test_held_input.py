@@ -12,6 +12,12 @@ from cjt_gym.errors import ParameterError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.joint.files.joint_file import to_toml
 
+FOUND = """
+[found.input]
+share = {share}
+load_share = 0.5
+dt = {dt}
+"""
 DT, SIZE, FAST = 0.02, 3.0, 2.0 * np.pi  # s, N m, rad/s
 
 
@@ -43,12 +49,38 @@ def test_the_file_says_how_unless_the_call_does(tmp_path: Path) -> None:
     plain = joint(tmp_path)
     held, means = speed_error(plain, held=True), speed_error(plain, held=False)
     assert speed_error(plain, held=None) == held
-    measured = joint(tmp_path, "\n[found.input]\nheld = false\n")
+    measured = joint(tmp_path, FOUND.format(share=0.5, dt=0.02))
     assert speed_error(measured, held=None) == means
     assert speed_error(measured, held=True) == held
+    assert speed_error(joint(tmp_path, FOUND.format(share=0.5, dt=0.001)), held=None) == held
 
 
-def test_what_a_file_cannot_mean_is_refused(tmp_path: Path) -> None:
-    wrong = joint(tmp_path, '\n[found.input]\nheld = "no"\n')
-    with pytest.raises(ParameterError, match=r"\[found.input\] of .* must have held = true or"):
+def test_a_torque_that_is_logged_late_acts_before_its_row(tmp_path: Path) -> None:
+    step = np.repeat([0.0, 1.0], 10)
+    late = joint(tmp_path, FOUND.format(share=2.0, dt=0.02)).simulate(step, dt=DT)
+    held = joint(tmp_path).simulate(step, dt=DT)
+    assert late["true_dq_m"][:18] == pytest.approx(held["true_dq_m"][2:], rel=1e-9)
+    assert late["tau_cmd"] == pytest.approx(step)
+
+
+def test_a_measured_load_is_the_mean_of_two_rows_as_well(tmp_path: Path) -> None:
+    load, still = np.repeat([0.0, 1.0], 5), np.zeros(10)
+    found = joint(tmp_path, FOUND.format(share=0.0, dt=0.02))
+    first = found.simulate(still, load, dt=DT)["true_dq_m"]
+    held = found.simulate(still, load, dt=DT, held=True)["true_dq_m"]
+    assert held[5] == 0.0
+    assert first[5] == pytest.approx(0.5 * held[6], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        ("held = false", "must have share, load_share and dt"),
+        ('share = "no"\nload_share = 0.5\ndt = 0.1', "must be 3 finite numbers"),
+        ("share = -1.0\nload_share = 0.5\ndt = 0.1", "share and load_share >= 0 and dt > 0, got"),
+    ],
+)
+def test_what_a_file_cannot_mean_is_refused(tmp_path: Path, entry: str, text: str) -> None:
+    wrong = joint(tmp_path, f"\n[found.input]\n{entry}\n")
+    with pytest.raises(ParameterError, match=rf"\[found.input\] of .*{text}"):
         wrong.simulate(np.zeros(3), dt=DT)

@@ -2,7 +2,8 @@
 
 ``[found.covariance]`` has `names` (such as "damping.d_m", as randomisations call them), `values`
 and `matrix`, in the units of the file. ``[found.speed]``, ``torque``, ``frequency`` and
-``temperature`` have `low`, `high` and `unit`. ``[found.input]`` has `held`.
+``temperature`` have `low`, `high` and `unit`. ``[found.input]`` has
+`share`, `load_share` and `dt`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ QUANTITIES = ("speed", "torque", "frequency", "temperature")
 """What a range may be of."""
 ROUNDING = 1e-4
 """Negative part of a covariance, relative to its largest, that is its digits'."""
+SIMILAR = 1.5
+"""Ratio of two sample times up to which a record is like another."""
 REMEDY = "Write the file with  cjt-gym diagnose  again, or remove the table."
 
 
@@ -70,17 +73,31 @@ def ranges_of(file: JointFile) -> dict[str, Range]:
     return {name: _range(file, name) for name in QUANTITIES if name in file.found}
 
 
-def was_held(file: JointFile) -> bool:
-    """Return whether the input of a joint is held from row to row, as its diagnosis took it."""
+def shares_of(file: JointFile, dt: float) -> tuple[float, float]:
+    """Return how torque and load of a record act from row to row, as a diagnosis found it.
+
+    Args:
+        file: The joint.
+        dt: Sample time of the record [s].
+
+    Returns:
+        Rows after its own at which is logged what acts from a row to the next, of the torque and of
+        the load: zero where they are held, and where the sample time is another.
+    """
     table = file.found.get("input")
     if table is None:
-        return True
-    held = table.get("held") if isinstance(table, Mapping) else None
-    if not isinstance(held, bool):
+        return 0.0, 0.0
+    owner = f"[found.input] of {file.parameters.origin}"
+    if not isinstance(table, Mapping) or not {"share", "load_share", "dt"} <= table.keys():
+        raise ParameterError(f"{owner} must have share, load_share and dt. {REMEDY}")
+    given = (table["share"], table["load_share"], table["dt"])
+    share, load, known = _numbers(given, (3,), f"share, load_share and dt of {owner}").tolist()
+    if not (share >= 0.0 and load >= 0.0 and known > 0.0):
         raise ParameterError(
-            f"[found.input] of {file.parameters.origin} must have held = true or false. {REMEDY}"
+            f"{owner} must have share and load_share >= 0 and dt > 0, got {share:g}, {load:g} and "
+            f"{known:g}. {REMEDY}"
         )
-    return held
+    return (share, load) if known / SIMILAR <= dt <= SIMILAR * known else (0.0, 0.0)
 
 
 def _range(file: JointFile, name: str) -> Range:

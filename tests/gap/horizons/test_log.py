@@ -20,7 +20,7 @@ from cjt_gym.joint import get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
-from tests.gap.horizons.rotor import DRY, INERTIA, datasheet, record
+from tests.gap.horizons.rotor import DRY, DT, INERTIA, datasheet, record
 
 SWAY = 2.0 * np.pi * 2.0
 
@@ -75,13 +75,12 @@ def test_a_current_that_reaches_the_log_late_is_no_delay_of_the_drive() -> None:
     assert "samples_late = 2" in found.unexplained.text
 
 
-@pytest.mark.parametrize(("rows", "held"), [(0.0, False), (0.5, True)])
-def test_a_joint_says_how_the_current_was_taken_that_it_was_found_from(
-    rows: float, held: bool
-) -> None:
-    case = late(make_case([record()], [], datasheet(), get_structure("rigid")), rows)
-    found = found_at(Judgement(case, "found", case.joint, ()))
-    assert found["input"] == {"held": held}
+def test_a_joint_says_how_the_current_was_taken_that_it_was_found_from() -> None:
+    case = make_case([record()], [], datasheet(), get_structure("rigid"))
+    for rows, share in ((0.0, 0.5), (-1.5, 2.0)):
+        found = found_at(Judgement(late(case, rows), "found", case.joint, ()))
+        assert found["input"] == {"share": share, "load_share": 0.0, "dt": DT}
+    assert "input" not in found_at(Judgement(late(case, 0.5), "found", case.joint, ()))
 
 
 def test_bristles_predict_less_where_nobody_knows_how_they_were_bent() -> None:

@@ -167,8 +167,14 @@ def found_at(judged: Judgement, untold: Collection[str] = ()) -> FrozenMapping[P
         "torque": {"low": _finite(torque.min()), "high": _finite(torque.max()), "unit": force},
         "frequency": {"low": 0.0, "high": _finite(top), "unit": "Hz"},
     }
-    if logs[0].drive == "i":
-        found["input"] = {"held": all(np.array_equal(log.acting, log.command) for log in logs)}
+    first = logs[0]
+    drawn = first.load.any() and not judged.case.joint.structure_row.output_fixed
+    if first.share or drawn:
+        found["input"] = {
+            "share": first.share,
+            "load_share": 0.5 if drawn else 0.0,
+            "dt": _finite(first.dt / first.rows),
+        }
     heat = [log.temperature for log in logs if log.temperature is not None]
     if heat:
         low, high = (_finite(x) for x in (min(t[0] for t in heat), max(t[1] for t in heat)))

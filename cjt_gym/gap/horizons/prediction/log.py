@@ -70,7 +70,8 @@ class Log:
         filtered: Whether predictions start from what a filter of the joint estimates.
         from_slope: Whether they start from the slope of the angle although its velocity was
             measured.
-        early: Rows by which the motion is ahead of its input, more than within a row.
+        share: Rows after its own at which the torque is logged that acts from a row to the next: 0
+            for one that is held, 0.5 for the mean of two rows, more for one that is logged late.
     """
 
     dt: float
@@ -94,7 +95,7 @@ class Log:
     past: Floats = field(default_factory=lambda: np.zeros(0))
     filtered: bool = False
     from_slope: bool = False
-    early: float = 0.0
+    share: float = 0.0
 
     def __len__(self) -> int:
         return len(self.t)
@@ -118,10 +119,15 @@ class Log:
 
     def late(self, rows: float) -> Log:
         """Return the log of a joint that its input moves late by some rows, early if negative."""
-        early = -rows if rows < -0.5 else 0.0
-        command = _until_next(self.command, early / self.rows)
-        acting = _until_next(command, (0.5 - rows - early) / self.rows)
-        return replace(self, command=command, acting=acting, early=early)
+        log = replace(self, share=0.5 - rows)
+        command = _until_next(self.command, log.early / self.rows)
+        acting = _until_next(command, (log.share - log.early) / self.rows)
+        return replace(log, command=command, acting=acting)
+
+    @property
+    def early(self) -> float:
+        """Rows by which the motion is ahead of its input, more than within a row."""
+        return self.share - 0.5 if self.share > 1.0 else 0.0
 
     def started(self, width: float) -> Log:
         """Return the log with predictions that start from states smoothed over a time [s]."""
@@ -210,14 +216,15 @@ def to_log(
     pulling = _until_next(load, 0.5 / every)
     if structure.output_fixed:
         load = pulling = states[:, 5]
-    acting = _until_next(command, 0.5 / every) if drive == "i" else command
+    share = 0.5 if drive == "i" else 0.0
+    acting = _until_next(command, share / every)
     wanted = even.get("i_cmd") if drive == "i" else None
     heat = even.get("temperature")
     warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
         dt, grid, drive, command, wanted, load, every, acting, pulling, shown, states, states,
         angles, _known(shown, held, structure), smoothed(angles[:, 0], dt, 2), with_speed, ~holes,
-        warm, current_before(grid[0], whole, file, dt),
+        warm, current_before(grid[0], whole, file, dt), share=share,
     )  # fmt: skip
 
 
