@@ -165,3 +165,55 @@ def test_a_voltage_that_drives_the_joint_is_its_command() -> None:
     assert "command_delay" in found.can_tell
     (why,) = (row.why for row in found.cannot_tell if row.name == "current_saturation")
     assert "voltage" in why
+
+
+@pytest.mark.slow
+def test_friction_of_a_wound_spring_is_told_from_its_deflection() -> None:
+    """No torque was measured: a held spring's is known from the motor's angle."""
+    found = diagnose(wound(0, 0.15), sheet(I_m=0.05, k_b=150.0), HELD, validate=wound(1, 0.15))
+    assert "load_friction" in found.examination.can_tell
+    (effect,) = (e for e in found.effects if e.name == "load_friction")
+    mu = effect.parameters["mu_m"]
+    assert mu.low < 0.15 < mu.high
+    assert mu.value == pytest.approx(0.15, rel=0.2)
+
+
+@pytest.mark.slow
+def test_a_wound_spring_without_friction_names_none() -> None:
+    found = diagnose(wound(0, 0.0), sheet(I_m=0.05, k_b=150.0), HELD, validate=wound(1, 0.0))
+    assert [e.name for e in found.effects] == ["damping"]
+    assert found.effects[0].parameters["d_m"].value == pytest.approx(1.0, rel=0.1)
+
+
+def test_check_sees_whether_friction_of_a_wound_spring_would_show() -> None:
+    """It takes deflections that grow and shrink in both directions of the torque."""
+    file, shape = sheet(I_m=0.05, k_b=150.0), get_structure(HELD)
+    assert "load_friction" in examine(wound(0, 0.0), file, shape).can_tell
+    made = wound(0, 0.0)
+    still = made.with_columns({"q_m": np.full(len(made), 0.1)})
+    assert "load_friction" not in examine(still, file, shape).can_tell
+
+
+def wound(seed: int, mu: float) -> Record:
+    """Return a held spring wound slowly by a motor whose friction grows with the spring's torque.
+
+    In plain NumPy, which shares no formula with the project.
+    """
+    rng, dt, fine, inertia, damping, k = np.random.default_rng(seed), 5e-3, 20, 0.05, 1.0, 150.0
+    t = dt * np.arange(6000)
+    phase = rng.uniform(0.0, 2.0 * np.pi, 3)
+    drive = 12.0 * np.sin(0.9 * t + phase[0]) + 6.0 * np.sin(2.3 * t + phase[1])
+    drive += 2.0 * np.sin(7.1 * t + phase[2])
+    q = v = 0.0
+    angle, h = np.zeros(len(t)), dt / fine
+    for i in range(len(t)):
+        angle[i] = q
+        ahead = drive[min(i + 1, len(t) - 1)]
+        for j in range(fine):
+            torque = drive[i] + (ahead - drive[i]) * j / fine
+            free = v + h / inertia * (torque - k * q - damping * v)
+            v = np.sign(free) * max(abs(free) - h / inertia * mu * abs(k * q), 0.0)
+            q += h * v
+    columns = {"t": t, "i": drive + 0.02 * rng.standard_normal(len(t)), "q_m": angle}
+    columns["q_m"] = np.round(columns["q_m"] / 2e-5) * 2e-5
+    return Record(columns, {"t": "s", "i": "A", "q_m": "rad"}, structure=HELD)

@@ -246,6 +246,11 @@ def load_friction(view: View, balance: Balance) -> Verdict:
     if not view.structure.has_spring and "tau_l" in view:
         lost = balance["s"] * np.abs(balance["u"])
         return seen(view, balance, lost, (*names, "u"), "-", instead)
+    if view.structure.output_fixed and view.structure.has_spring and "tau" not in view.channels:
+        wound = balance["q"] - balance["q"].mean()  # the spring's torque, by its stiffness
+        plain = [balance[name] for name in ("a", "v", "s", "one")]
+        rate = abs(float(factors(balance.y, [*plain, wound])[-1]))
+        return seen(view, balance, rate * balance["s"] * np.abs(wound), (*names, "q"), "-", instead)
     if view.structure.output_fixed or view.angle_unit == "m":
         return Unseen("the transmitted torque tau is not recorded", instead)
     weight = _weight(balance)
