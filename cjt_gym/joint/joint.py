@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError, check_type
 from cjt_gym.joint import linear
 from cjt_gym.joint.batch import JointBatch, substeps_of
+from cjt_gym.joint.between_rows import until_next
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.configure import (
     EffectSpec,
@@ -247,8 +248,8 @@ class Joint:
         loads = np.zeros(samples) if load is None else checked_array("load", load, (samples,))
         between = [0.0, 0.0] if held else [0.5, 0.5]
         share, load_share = shares_of(self.file, dt) if held is None else between
-        acting = np.column_stack([_after(x, share) for x in commands.T])
-        pulling = loads if self.structure_row.output_fixed else _after(loads, load_share)
+        acting = np.column_stack([until_next(x, share) for x in commands.T])
+        pulling = loads if self.structure_row.output_fixed else until_next(loads, load_share)
         substeps_of(dt, dt_physics, "dt")
         batch = JointBatch(self, 1, dt, dt_physics, voltage=voltage is not None)
         batch.seed(0, seed)
@@ -448,9 +449,3 @@ def _check_drive(joint: Joint) -> None:
 
 
 __all__ = ["DRIVES", "DT_PHYSICS", "Joint", "load_joint"]
-
-
-def _after(x: Floats, share: float) -> Floats:
-    """Return what acts from each sample to the next: an input after a share of the time between."""
-    rows = np.arange(len(x))
-    return np.asarray(np.interp(rows + share, rows, x)) if share else x

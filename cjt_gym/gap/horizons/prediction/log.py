@@ -17,6 +17,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap.recorded.series import SHORTEST, SLOW, current_before, same_file
 from cjt_gym.gap.recorded.slope import in_time, is_noise, is_slope
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.between_rows import until_next
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record
@@ -120,8 +121,8 @@ class Log:
     def late(self, rows: float) -> Log:
         """Return the log of a joint that its input moves late by some rows, early if negative."""
         log = replace(self, share=0.5 - rows)
-        command = _until_next(self.command, log.early / self.rows)
-        acting = _until_next(command, (log.share - log.early) / self.rows)
+        command = until_next(self.command, log.early / self.rows)
+        acting = until_next(command, (log.share - log.early) / self.rows)
         return replace(log, command=command, acting=acting)
 
     @property
@@ -213,11 +214,11 @@ def to_log(
     if with_speed:
         states[:, 3] = speed
     load = even.get("tau_l", np.zeros(len(grid)))
-    pulling = _until_next(load, 0.5 / every)
+    pulling = until_next(load, 0.5 / every)
     if structure.output_fixed:
         load = pulling = states[:, 5]
     share = 0.5 if drive == "i" else 0.0
-    acting = _until_next(command, share / every)
+    acting = until_next(command, share / every)  # means of rows lack the rise within one only
     wanted = even.get("i_cmd") if drive == "i" else None
     heat = even.get("temperature")
     warm = None if heat is None else (float(heat.min()), float(heat.max()))
@@ -238,16 +239,6 @@ def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[st
         parts = x[: rows * every].reshape(rows, every)
         kept[name] = parts.mean(axis=1) if name in DRIVING else parts[:, 0]
     return kept, t[: rows * every : every]
-
-
-def _until_next(x: Floats, share: float) -> Floats:
-    """Return what acts from each sample to the next: the value after a share of the time between.
-
-    Samples that are means over several rows, each of the value at its beginning, lack the rise
-    within a row only. Inputs that are logged late act before their row: the share is above 1.
-    """
-    rows = np.arange(len(x))
-    return np.asarray(np.interp(rows + share, rows, x))
 
 
 def _even(grid: Floats, t: Floats, x: Floats) -> Floats:
