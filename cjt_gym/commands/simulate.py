@@ -114,12 +114,13 @@ def run(options: argparse.Namespace) -> Answer:
         "added_load": loaded.get("I_l"),
         "peak_torque": largest,
     }
+    unit = "N" if joint.parameters.axis == "prismatic" else "N m"
     replayed = PAST if task.replayed == CURRENT else "command replayed in open loop"
     how = replayed
     if tracks:
         asked = float(np.sqrt(np.mean(record["tau_ref"] ** 2)))
-        how = f"tracking error {rmse:.4g} N m rms of a reference of {asked:.4g} N m rms"
-    peak = f", peak transmitted torque {largest:.4g} N m" if largest else ""
+        how = f"tracking error {rmse:.4g} {unit} rms of a reference of {asked:.4g} {unit} rms"
+    peak = f", peak transmitted torque {largest:.4g} {unit}" if largest else ""
     return result, f"{path}: {len(record)} samples, {how}{peak}{told_load(joint, loaded)}"
 
 

@@ -25,7 +25,7 @@ from cjt_gym.joint.configure import (
     resolve_effects,
 )
 from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.files.diagnosed import shares_of
+from cjt_gym.joint.files.diagnosed import ranges_of, shares_of
 from cjt_gym.joint.files.joint_file import JointFile, load_joint_file
 from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.kernel.arrays import (
@@ -60,6 +60,8 @@ if TYPE_CHECKING:
     import control
 
 DT_PHYSICS = 1e-5
+PERIODS = 3.0
+"""Periods of the highest frequency found, in a simulation that is compared with it."""
 """Substep of simulations [s]: a tenth of that of environments, for accuracy."""
 CURRENT_FREE = "current"
 BEFORE = 0.1
@@ -378,7 +380,8 @@ class Joint:
         for name, x in (("speed", columns.get("true_dq_m")), ("torque", torque)):
             if x is not None and len(x):
                 met[name] = (float(x.min()), float(x.max()))
-        if len(torque):
+        known = ranges_of(self.file).get("frequency")
+        if known is not None and len(torque) * dt * known.high >= PERIODS:
             met["frequency"] = (0.0, frequency_of(torque, dt))
         return met
 

@@ -77,8 +77,8 @@ def check_units(owner: str, columns: Mapping[str, FloatArray], units: dict[str, 
     check_one_axis(owner, units)
 
 
-def check_lengths(owner: str, columns: Mapping[str, FloatArray]) -> None:
-    """Raise RecordError unless there are samples, as many in each column."""
+def check_lengths(owner: str, columns: Mapping[str, FloatArray], mapping: str = "") -> None:
+    """Raise RecordError unless there are samples, as many in each column that a mapping took."""
     lengths = {name: len(values) for name, values in columns.items()}
     if not lengths or not max(lengths.values()):
         raise RecordError(
@@ -90,6 +90,7 @@ def check_lengths(owner: str, columns: Mapping[str, FloatArray]) -> None:
             raise RecordError(
                 f"All columns of {owner} must have the same length, got {lengths[first]} samples "
                 f"of {first!r} and {length} of {name!r}."
+                + (f" Map columns of the same rows in {mapping}, or give dt for t." * bool(mapping))
             )
 
 

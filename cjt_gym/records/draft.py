@@ -63,8 +63,11 @@ def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
     """
     guesses: dict[str, str] = {}
     rest: list[str] = []
+    longest = max(map(len, table.values()), default=0)
     for name, values in table.items():
         column = guess(name) if _has_numbers(values) else None
+        if column == "t" and 2 * len(values) < longest:
+            column = None  # the time of something else
         first = guesses.get(column or "", "")
         if column in OTHER_SIDE and first:
             other = OTHER_SIDE[column]

@@ -25,6 +25,8 @@ FEWEST = 20
 """Samples without which nothing can be told."""
 APART = 20.0
 """Distance from all others, in their range, over which an angle does not leap and come back."""
+ALONE, BESIDE = 20.0, 10
+"""Factor by which a first or last edge of an angle exceeds those beside it, and their number."""
 STEEP = 3.0
 """Steps of a channel's lattice per sample over which one that stands still is stale."""
 FINE = 30.0
@@ -71,7 +73,13 @@ def glitches(x: FloatArray, *, angle: bool = False) -> NDArray[np.bool_]:
 def _false_ends(y: FloatArray) -> tuple[int, int]:
     """Return where an angle begins after a jump from its first samples, and ends before one."""
     edges = np.diff(y)
-    high = np.flatnonzero(np.abs(edges) > _limit(edges, y))
+    size, steps = np.abs(edges), np.abs(np.diff(np.unique(y)))
+    least = ALONE * float(np.median(steps)) if len(steps) else 0.0
+    out = size > _limit(edges, y)
+    for k in range(LONGEST_GLITCH):  # all but at rest beside it
+        out[k] |= size[k] > max(ALONE * size[k + 1 : k + 1 + BESIDE].max(), least)
+        out[-1 - k] |= size[-1 - k] > max(ALONE * size[-1 - k - BESIDE : -1 - k].max(), least)
+    high = np.flatnonzero(out)
     first, last = high[high < LONGEST_GLITCH], high[high >= len(edges) - LONGEST_GLITCH]
     return int(first[-1]) + 1 if len(first) else 0, int(last[0]) + 1 if len(last) else len(y)
 

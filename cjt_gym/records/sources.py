@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError, unknown_name
-from cjt_gym.records.checks import FloatArray
+from cjt_gym.records.checks import FloatArray, check_lengths
 from cjt_gym.records.columns import COMMANDS, TRUE_PREFIX
 from cjt_gym.records.mapping import ColumnMapping, ColumnSource
 from cjt_gym.records.tables.flat import NUMBERS
@@ -85,6 +85,7 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
             tick = base.tick if column.time_unit is None else UNITS[column.time_unit].factor
             values = _on_clock(name, _seconds(stamps, tick, base.origin), values, t)
         columns[name] = values
+    check_lengths(owner, columns, mapping.owner)
     return columns
 
 

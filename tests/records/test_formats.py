@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from cjt_gym.errors import RecordError
-from cjt_gym.records import FORMATS, Record, default_units, read_log, read_record, write_record
+from cjt_gym.records import (
+    FORMATS,
+    Record,
+    default_units,
+    draft_mapping,
+    read_log,
+    read_record,
+    write_record,
+)
 from tests.python import run_python
 
 N = 300
@@ -108,6 +116,31 @@ def test_dimensions_of_matlab_without_a_sign(tmp_path: Path) -> None:
     (tmp_path / "log.mat").write_bytes(content.replace(signed, unsigned))
     record = read_record(tmp_path / "log.mat", mapping={"columns": {"t": {}, "q_m": "pos"}})
     assert np.array_equal(record["q_m"], Q)
+
+
+def test_objects_beside_the_vectors_of_a_matlab_file_are_skipped(tmp_path: Path) -> None:
+    """A figure or a table has no shape; its variable says its name and class instead."""
+    savemat(tmp_path / "log.mat", {"t": T[:, None], "pos": Q[:, None]}, do_compression=False)
+
+    def element(kind: int, data: bytes) -> bytes:
+        return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    names = (element(1, text) for text in (b"figure1", b"MCOS", b"matlab.ui.Figure"))
+    body = element(6, struct.pack("<II", 17, 0)) + b"".join(names)
+    with (tmp_path / "log.mat").open("ab") as file:
+        file.write(element(14, body))
+    record = read_record(tmp_path / "log.mat", mapping={"columns": {"t": {}, "q_m": "pos"}})
+    assert np.array_equal(record["q_m"], Q)
+
+
+def test_columns_of_other_lengths_than_their_time_are_refused(tmp_path: Path) -> None:
+    savemat(tmp_path / "log.mat", {"half": T[::2], "pos": Q, "scope_time": T[:9]})
+    mapping = {"columns": {"t": "half", "q_m": "pos"}}
+    with pytest.raises(RecordError, match=r"must have the same length, got .* of 't' and .* dt"):
+        read_log(tmp_path / "log.mat", mapping)
+    with pytest.raises(RecordError, match="must have the same length"):
+        read_record(tmp_path / "log.mat", mapping=mapping)
+    assert 'dt = "?"' in draft_mapping(tmp_path / "log.mat")  # no time of something shorter
 
 
 def test_matlab_7_3_and_hdf5(tmp_path: Path) -> None:

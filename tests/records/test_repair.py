@@ -399,6 +399,20 @@ def test_an_angle_that_jumps_at_an_end_of_the_log_is_a_glitch_there(
     assert not glitches(off).any()
 
 
+def test_a_row_left_over_from_an_earlier_run_is_a_glitch() -> None:
+    """The joint rests beside it, so that a jump smaller than later steps is none of the joint's."""
+    t = 0.01 * np.arange(1500)
+    angle = 1e-3 * np.round(1e3 * np.where(t < 0.8, 0.0, 2.0 * np.sin(8.0 * (t - 0.8))))
+    assert not glitches(angle, angle=True).any()
+    for row in (0, -1):
+        off = angle if row == 0 else angle[::-1].copy()
+        off[row] += 0.3
+        found = glitches(off, angle=True)
+        assert found[row]
+        assert found.sum() == 1
+        off[row] -= 0.3
+
+
 @pytest.mark.parametrize(("last", "marked"), [(-10.149451, 299), (0.0, 0)])
 def test_a_current_that_a_drive_no_longer_measures_is_none(last: float, marked: int) -> None:
     rng = np.random.default_rng(0)

@@ -42,6 +42,8 @@ def foreign(view: View) -> list[str]:
     Between two instants at one angle a joint gains at most what its motor gives: friction only
     takes, and a weight or spring gives back. That holds for some inertia, which is left open.
     """
+    if view.at_rest:
+        return []
     share, still = _share(view), _is_constant(view)
     if share < (GROWS if still else FOREIGN):
         return []

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from cjt_gym.gap.check.back_emf import faster_than_driven
 from cjt_gym.gap.check.bus import LOOP, bus
 from cjt_gym.gap.check.channels import FEW_COUNTS
 from cjt_gym.gap.check.clock import clock, gaps
@@ -268,6 +269,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (coarser, UNITS),
     (spring, UNITS),
     (exchanged, UNITS),
+    (faster_than_driven, "Correct the mapping, or the joint file."),
     (mapped_twice, UNITS),
     (_noise, SPECIFY),
     (lambda view: current_and_command(view)[0], ONE_INSTANT),

@@ -32,7 +32,7 @@ CLASSES: Final = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i
     15: "u8",
 }
 """Types of the arrays that they stand for."""
-STRUCT, OBJECT = 2, 3
+STRUCT, OBJECT, OPAQUE = 2, 3, 17
 COMPLEX: Final = 0x800
 DEEPEST: Final = 32  # levels of nesting; files that were made to exhaust the stack have more
 Element = tuple[int, bytes]
@@ -83,12 +83,12 @@ def _array(data: bytes, order: str, depth: int) -> tuple[str, Any]:
     if not data:
         return "", None
     parts = _elements(data, order)
-    (flags, _), shape, name = (
-        np.frombuffer(_next(parts, UINT32), f"{order}u4", 2).tolist(),
-        tuple(np.frombuffer(_next(parts, INT32, UINT32), f"{order}i4").tolist()),
-        _next(parts, INT8).decode("latin-1"),
-    )
+    flags, _ = np.frombuffer(_next(parts, UINT32), f"{order}u4", 2).tolist()
     kind = flags & 0xFF
+    if kind == OPAQUE:  # a figure, table or other object, which has no shape
+        return _next(parts, INT8).decode("latin-1"), None
+    shape = tuple(np.frombuffer(_next(parts, INT32, UINT32), f"{order}i4").tolist())
+    name = _next(parts, INT8).decode("latin-1")
     if kind in (STRUCT, OBJECT) and math.prod(shape) == 1:
         return name, _fields(parts, order, kind, depth)
     if kind in CLASSES and not flags & COMPLEX:
