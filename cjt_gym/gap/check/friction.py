@@ -42,9 +42,28 @@ what then tells them apart is a tenth of the motion. Five real records of one sp
 0.88, all others that were tried at most 0.6."""
 LOADED = 0.05
 """Least gravity torque that counts as a load, relative to the driving torque."""
+PARTS, SAME, STEADY = 8, 0.2, 0.5
+"""Parts of a record whose mean accelerations are compared, and the spread of the torque and of
+these, relative to their mean, below which one torque accelerates the joint steadily. Of 563 real
+records that is so of one, of a wheel that runs up at a limit of its current."""
+RUNS_UP = "one torque accelerates the joint steadily: friction and inertia take it alike"
+OTHER_TORQUES = "Record motion under different torques: steps, or a sine."
 COASTS = "nothing drives the joint: friction and weight show relative to its inertia only"
 TURN = "Record motion in both directions, as often in one as in the other."
 SPREAD = "Record slow and fast motion: ramps from rest to full speed in both directions."
+
+
+def runs_up(balance: Balance) -> bool:
+    """Return whether one torque accelerates a joint steadily all the time.
+
+    What friction takes of it and what inertia takes are alike then. The noise of the acceleration
+    would let friction take all; over parts of the record it is small.
+    """
+    parts = np.array([float(np.mean(x)) for x in np.array_split(balance["a"], PARTS)])
+    torque, growth = (
+        float(np.std(x)) / max(abs(float(np.mean(x))), 1e-300) for x in (balance.y, parts)
+    )
+    return torque < SAME and growth < STEADY
 
 
 def two_ways(view: View) -> bool:
@@ -107,6 +126,8 @@ def inertia(view: View, balance: Balance) -> Verdict:
         return fast
     if balance.coasts:
         return Unseen(COASTS, "Record motion under a torque that is measured or commanded.")
+    if runs_up(balance):
+        return Unseen(RUNS_UP, OTHER_TORQUES)
     nominal = sum(view.value(name) for name in view.inertias)
     unit = view.inertia_unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
     quick = "Record quick motion: steps of the current, or a chirp."
@@ -145,6 +166,8 @@ def damping(view: View, balance: Balance) -> Verdict:
 @from_balance
 def coulomb(view: View, balance: Balance) -> Verdict:
     """Judge Coulomb friction, which requires a range of speeds or both directions."""
+    if runs_up(balance):
+        return Unseen(RUNS_UP, OTHER_TORQUES)
     return _by_speed(view, balance, balance["s"], ("a", "v"), view.torque_unit)
 
 

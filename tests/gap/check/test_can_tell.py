@@ -14,10 +14,11 @@ from cjt_gym.gap.check.channels import Channel
 from cjt_gym.gap.check.drive import MEASURE
 from cjt_gym.gap.check.examine import _once
 from cjt_gym.gap.horizons.prediction.model import quiet
-from cjt_gym.joint import get_structure, load_joint_file
+from cjt_gym.joint import JointFile, get_structure, load_joint_file
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.joint import Joint
-from cjt_gym.records import read_record
+from cjt_gym.records import Record, read_record
 from tests.gap.check.moved import BOTH, CONSTANT, CREEP, FRICTION, ONE, columns, joint, record
 from tests.gap.simulator import nominal, simulate
 
@@ -274,3 +275,27 @@ def test_rounding_is_no_noise_and_zero_has_no_sign() -> None:
 def test_a_step_that_is_stated_is_no_noise_of_a_whole_step(seen: float) -> None:
     found = Channel("dq_m", "rad/s", 0.0, 5.236, seen, 0.748, 0.0, 0.0, 0.0)
     assert found.noise == pytest.approx(0.748 / np.sqrt(12.0))
+
+
+@pytest.mark.parametrize(("damping", "steady"), [(0.0, True), (0.02, False)])
+def test_one_torque_that_accelerates_a_wheel_tells_no_friction(
+    damping: float, steady: bool
+) -> None:
+    """Of a wheel that reaches its speed something else is said."""
+    rng, dt = np.random.default_rng(0), 0.005
+    t = dt * np.arange(1000)
+    inertia, dry, torque = 4e-3, 0.03, 0.21
+    rate = max(damping, 1e-9) / inertia
+    speed = (torque - dry) / inertia / rate * -np.expm1(-rate * t)
+    columns = {
+        "t": t,
+        "i": torque / 0.07 + 0.1 * rng.standard_normal(len(t)),
+        "dq_m": speed + 0.1 * rng.standard_normal(len(t)),
+    }
+    made = Record(columns, {"t": "s", "i": "A", "dq_m": "rad/s"}, structure="rigid")
+    known = {"I_m": inertia, "I_g": 0.0, "I_l": 0.0, "d_m": 0.0, "n": 1.0, "k_t": 0.07}
+    file = JointFile(JointParameters.from_values("wheel", known))
+    found = examine(made, file, get_structure("rigid"))
+    why = reasons(found)["coulomb"]
+    assert why.startswith("One torque accelerates the joint steadily") == steady
+    assert ("inertia" in reasons(found)) == steady
