@@ -326,6 +326,9 @@ def parameter_sets(draw: st.DrawFn) -> JointParameters:
     if "k_t" in values and "i_p" in values:
         volts = values["k_t"].unit.endswith("/V")
         values["i_p"] = replace(values["i_p"], unit="V" if volts else "A")
+    if axis == "prismatic" and {"k_t", "n"} <= values.keys():
+        rotary = values["k_t"].unit.startswith("N m/")
+        values["n"] = replace(values["n"], unit="rad/m" if rotary else "-")
     return JointParameters(draw(TEXT), draw(TEXT), values, axis)
 
 
