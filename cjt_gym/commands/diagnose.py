@@ -199,9 +199,7 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
     if apart:
         lines.append(f"Named, but not in here: {', '.join(apart)}.")
     if others := sorted(joint.effects.keys() - here):
-        lines.append(
-            f"In here, as listed or as it predicts best, but not named: {', '.join(others)}."
-        )
+        lines.append(f"Also in here, listed or fitted, but not named: {', '.join(others)}.")
     if diagnosis.unexplained.stage is not None:
         lines.append(f"Remarks: {diagnosis.unexplained.text}")
     text = "".join(f"# {line}\n" for line in lines) + to_toml(joint)

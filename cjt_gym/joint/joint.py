@@ -52,7 +52,7 @@ from cjt_gym.joint.kernel.friction import (
 )
 from cjt_gym.joint.kernel.load_forces import contact_torque
 from cjt_gym.joint.kernel.ripple import ripple_torque
-from cjt_gym.joint.outside import frequency_of, is_told, tell_outside
+from cjt_gym.joint.outside import PERIODS, frequency_of, is_told, tell_outside
 from cjt_gym.joint.structures import Structure, get_structure
 from cjt_gym.records import JOINT_FILE, Record, default_units
 
@@ -60,8 +60,6 @@ if TYPE_CHECKING:
     import control
 
 DT_PHYSICS = 1e-5
-PERIODS = 3.0
-"""Periods of the highest frequency found, in a simulation that is compared with it."""
 """Substep of simulations [s]: a tenth of that of environments, for accuracy."""
 CURRENT_FREE = "current"
 BEFORE = 0.1
@@ -232,10 +230,10 @@ class Joint:
                 (samples, 2) for v_q and v_d of `dq`.
             dt_physics: Substep [s]; dt is a whole multiple of it.
             seed: Seed of the sensors' noise.
-            held: Whether each input holds from its sample to the next, as a command does; if not,
-                the mean of both acts between them, as of what was measured. None for what a
-                diagnosis found of such a record ([found.input] of the joint's file), and held if
-                it found nothing.
+            held: Whether an input holds from one sample to the next, as a command does. If False,
+                the mean of two samples acts between them, as with a measured current. If None,
+                what [found.input] of the joint file says of logs with about this sample time;
+                held where it says nothing.
 
         Returns:
             A Record with the command, the measured channels, and the noise-free states in

@@ -18,6 +18,8 @@ MARGIN = 0.1
 """Share of the largest value found by which speed and torque may be exceeded."""
 OCTAVE = 2.0
 """Factor by which a frequency may be; spectra are compared, which are hardly sharper."""
+PERIODS = 3.0
+"""Fewest periods of the highest frequency found in a simulation whose frequency is compared."""
 POWER = 0.95
 """Share of a command's power that lies below its frequency."""
 
