@@ -17,6 +17,7 @@ from cjt_gym.plant import SimulatedPlant
 STEPS = 60
 COGGING = {"f": (80.0, 480.0), "a": (0.5, 0.2), "b": (0.2, 0.1)}
 DELAYED = {"command_delay": {"delay": 1.3e-3}, "measurement_delay": {"delay": 2e-3}}
+LAGGING = {"current_lag": {"bandwidth": 60.0}, "current_saturation": {"i_p": 3.0}}
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "linear": ("full_dynamics", {}),
     "smooth": ("full_dynamics", {"coulomb": {}, "cogging": COGGING}),
@@ -29,9 +30,13 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
         {"coulomb": {}, "cogging": COGGING, **DELAYED, "noise": {}, "quantization": {}},
     ),
     "cogging": ("output_fixed_rigid_gearbox", {"cogging": COGGING}),
+    "lagged": (
+        "rigid_gearbox",
+        {"coulomb": {}, **DELAYED, **LAGGING},
+    ),
     "steep": ("full_dynamics", {"load_coulomb": {"d_cl": 2.0}}),
 }
-QUICK = ("smooth", "sharp", "steep")
+QUICK = ("smooth", "sharp", "lagged", "steep")
 LOADS = {"steep": 4e-4}  # a load so light that its friction is very steep
 DRIFT = {"low": 0.9, "high": 1.1, "when": "drift", "time_constant": 0.05}
 

@@ -72,7 +72,7 @@ def throw_switches(joint: OneJoint) -> None:
     for g in range(setup.size):
         if work[ACTIVE, g] != 0.0:
             work[SWITCH, RESISTS] = 1.0
-    busy = work[SWITCH, SHAPES] + work[SWITCH, MESHES] + work[SWITCH, RESISTS]
+    busy = work[SWITCH, MESHES] + work[SWITCH, RESISTS]
     springy = setup.groups[1] != setup.groups[2]
     work[SWITCH, LINEAR] = 1.0 if busy == 0.0 and springy and setup.drive == CURRENT else 0.0
 

@@ -82,6 +82,8 @@ def free_motion(joint: OneJoint, a: Floats, b: Floats, tau_m: float, load: float
 def linear_substep(joint: OneJoint, a: Floats, b: Floats, command: float, load: float) -> None:
     """Do what `substep` does where a current source drives a linear joint with a spring."""
     p, currents, work = joint.p, joint.currents, joint.work
+    if work[SWITCH, SHAPES] == 1.0:
+        command = shaped_command(p, joint.memory, command, joint.setup.h)
     currents[0] = clip(command, p.i_p)
     free_motion(joint, a, b, p.torque_offset + joint.memory[K_M] * currents[0], load)
     for i in range(joint.setup.order):

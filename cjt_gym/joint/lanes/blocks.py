@@ -17,6 +17,7 @@ from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.kernel.arrays import (
     CURRENT_I,
     K_M,
+    LAGGED,
     LATE_SUB,
     Q_M,
     TAU,
@@ -28,7 +29,6 @@ from cjt_gym.joint.kernel.arrays import (
 )
 from cjt_gym.joint.kernel.compiled import inlined, lean, threaded
 from cjt_gym.joint.kernel.control_steps import LARGEST
-from cjt_gym.joint.kernel.drives import clip
 from cjt_gym.joint.kernel.ripple import COGGING, KIND
 from cjt_gym.joint.kernel.sensing import distorts, is_late, lateness, measure, plan_lateness, sensor
 from cjt_gym.joint.lanes import substeps as at
@@ -41,9 +41,10 @@ if TYPE_CHECKING:
 Masks = NDArray[np.bool_]
 LINE = 64  # bytes of a cache line, on which blocks begin
 HANDLED = (
-    *("command_delay", "command_quantization", "current_saturation", "torque_constant"),
-    *("torque_offset", "inertia", "damping", "coulomb", "coulomb_asym", "viscous_asym"),
-    *("cogging", "stiffness", "gear_stiffness", "load_inertia", "load_coulomb"),
+    *("command_delay", "command_quantization", "current_lag", "current_saturation"),
+    *("torque_constant", "torque_offset", "inertia", "damping"),
+    *("coulomb", "coulomb_asym", "viscous_asym", "cogging", "stiffness", "gear_stiffness"),
+    *("load_inertia", "load_coulomb"),
     *(name for name, effect in EFFECTS.items() if effect.stage == "sensing"),
 )
 UPS = ("d_cm", "d_cg", "d_cl")
@@ -100,6 +101,7 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
         third,
         int(bool(coordinates) and float(record["dq_0"][0]) == 0.0),
         ripple.shape[0],
+        int("current_lag" in joint.effects),
     )
 
 
@@ -193,6 +195,10 @@ def read_parameters(
     s[at.K_B, lane], s[at.D_GL, lane] = p.k_b, p.d_gl
     s[at.RESOLUTION, lane], s[at.PER_AMPERE, lane] = p.command_resolution, batch.memory[i, K_M]
     s[at.LATE, lane], s[at.LATE_SUB, lane] = lateness(p.command_delay, setup)
+    lag = 2.0 * math.pi * p.current_bandwidth * setup.h
+    usable = usable and (lag == 0.0 or kind.lags == 1)
+    s[at.STAYS, lane] = math.exp(-lag) if lag > 0.0 else 0.0
+    s[at.MEAN, lane] = -math.expm1(-lag) / lag if lag > 0.0 else 0.0
     s[at.PLAIN, lane] = 1.0 if is_plain(p) else 0.0
     if plan_lateness(p, setup, work):
         for channel in range(8):
@@ -219,14 +225,12 @@ def enter(
     if resolution > 0.0:
         command = math.floor(command / resolution + 0.5) * resolution
     s[at.COMMAND, lane], s[at.PUSHED, lane] = command, load
-    late, peak, offset = int(rows[at.LATE, lane]), rows[at.PEAK, lane], rows[at.OFFSET, lane]
-    per_ampere = rows[at.PER_AMPERE, lane]
+    late = int(rows[at.LATE, lane])
     now = batch.commands[i, wrap(k - late + depth, depth), 0] if late > 0 else command
-    s[at.CURRENT, lane] = clip(now, peak)
-    s[at.AFTER, lane] = offset + per_ampere * s[at.CURRENT, lane]
+    s[at.AFTER, lane] = now
     if rows[at.LATE_SUB, lane] > 0.0:
-        before = clip(batch.commands[i, wrap(k - late - 1 + depth, depth), 0], peak)
-        s[at.BEFORE, lane] = offset + per_ampere * before
+        s[at.BEFORE, lane] = batch.commands[i, wrap(k - late - 1 + depth, depth), 0]
+    s[at.LAGGED, lane] = batch.memory[i, LAGGED]
     for body in (2, 1, 0):
         g = setup.groups[body]
         if g >= 0:
@@ -256,6 +260,8 @@ def leave(batch: Batch, setup: Setup, kind: Kind, place: Place, load: float, wor
     out, ring = batch.outputs[i, wrap(k + 1, depth)], batch.commands[i, wrap(k, depth)]
     ring[0], ring[1] = s[at.COMMAND, lane], 0.0
     batch.currents[i, 0] = out[CURRENT_I] = s[at.CURRENT, lane]
+    if kind.lags:
+        batch.memory[i, LAGGED] = s[at.LAGGED, lane]
     for j in range(6):
         out[Q_M + j] = state[j]
     tau = rows[at.K_B, lane] * (state[1] - state[2]) + rows[at.D_GL, lane] * (state[4] - state[5])

@@ -1,7 +1,8 @@
 """Many joints side by side: the substeps of the most common joints, in vector registers.
 
-The same equations and the same scheme as `substep`, for joints that a current source drives
-through linear springs, with Coulomb and one-sided viscous friction (smooth or sharp) and cogging.
+The same equations and the same scheme as `substep`, for joints that a current source, with or
+without a lag, drives through linear springs, with Coulomb and one-sided viscous friction (smooth
+or sharp) and cogging.
 WIDTH joints form a block: each of its rows holds one quantity, a number per joint; `p` are its
 parameters and `s` is scratch. The code reads as if for a single joint; where joints take different
 branches, `choose` computes both.
@@ -41,11 +42,12 @@ PEAK, OFFSET, K_B, D_GL = 87, 88, 89, 90
 LATE, LATE_SUB = 91, 92  # control steps and substeps after which a command acts
 PLAIN, USABLE = 93, 94  # whether sensors are ideal, and whether this code can move the joint
 RESOLUTION, PER_AMPERE = 95, 96  # step of the command [A], motor torque per current [N m/A]
-TONES = 97  # three rows per harmonic: frequency, cosine, sine
+STAYS, MEAN = 97, 98  # share of a change of current that a lag leaves after a substep, and its mean
+TONES = 99  # three rows per harmonic: frequency, cosine, sine
 # Rows of the scratch `s` of a thread:
 X = 0  # states
 COMMAND, CURRENT, BEFORE, AFTER, PUSHED = range(6, 11)
-# The command, its current, motor torque before and after it acts, and the load input.
+# The command, its current, what acts before and after it does [A], and the load input.
 PUSH = 11  # what motor torque and load input add to the states
 FREE = 17  # states at the end of a substep
 RIPPLE = 23  # ripple torque of the substep before
@@ -55,7 +57,8 @@ DRAG = 30  # friction torques
 FAILED = 33  # whether the joint is left to the general kernel
 SINE, COSINE = 34, 35  # of its rotor, for the environment
 BEFORE_DRAG = 36  # friction torques of the substep before the last
-SCRATCH_ROWS = 39
+LAGGED = 39  # current behind a lag
+SCRATCH_ROWS = 40
 
 
 class Kind(NamedTuple):
@@ -69,6 +72,7 @@ class Kind(NamedTuple):
     third: int  # the third of them
     sharp: int  # 1 where the sign of the velocity is sharp (dq_0 = 0), else 0
     tones: int  # number of cogging harmonics
+    lags: int  # 1 where a lag precedes the current, else 0
 
 
 @inlined
@@ -114,8 +118,15 @@ def predict(kind: Kind, p: Floats, s: Floats) -> None:
 @lean
 def push(kind: Kind, p: Floats, s: Floats, step: int) -> None:
     """Note what the motor torque of a substep and the load input add to the states."""
-    torque = choose(get(p, LATE_SUB) <= float(step), get(s, AFTER), get(s, BEFORE))
-    load = get(s, PUSHED)
+    wanted = choose(get(p, LATE_SUB) <= float(step), get(s, AFTER), get(s, BEFORE))
+    if kind.lags:
+        gap = get(s, LAGGED) - wanted
+        put(s, LAGGED, madd(get(p, STAYS), gap, wanted))
+        wanted = madd(get(p, MEAN), gap, wanted)
+    peak = get(p, PEAK)
+    current = choose(wanted > peak, peak, choose(wanted < 0.0 - peak, 0.0 - peak, wanted))
+    put(s, CURRENT, current)
+    torque, load = madd(get(p, PER_AMPERE), current, get(p, OFFSET)), get(s, PUSHED)
     for i in range(kind.order):
         put(s, PUSH + i, madd(get(p, MOTOR + i), torque, get(p, LOAD + i) * load))
 
@@ -328,7 +339,7 @@ def run(kind: Kind, p: Floats, s: Floats, substeps: int, h: float) -> None:
     """Take the substeps of a control step, and note whose equations stay unsolved."""
     predict(kind, p, s)
     for step in range(substeps):
-        if step == 0 or somewhere(get(p, LATE_SUB) == float(step)):
+        if step == 0 or kind.lags or somewhere(get(p, LATE_SUB) == float(step)):
             push(kind, p, s, step)
         move(kind, p, s)
         if kind.tones > 0:
