@@ -10,6 +10,8 @@ from numba import njit
 
 from cjt_gym.envs.vector import TorqueTrackingVectorEnv
 from cjt_gym.joint import load_joint
+from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.kernel.arrays import VOLTS
 from cjt_gym.joint.lanes.vector_math import decay, sine_cosine
 from cjt_gym.joint.lanes.vectors import WIDTH, get, put
 from cjt_gym.plant import SimulatedPlant
@@ -130,3 +132,33 @@ def test_functions_are_as_exact_as_promised() -> None:
     evaluate(x, out)
     for k, exact in enumerate((np.sin(x), np.cos(x), np.exp(-2.0 * np.minimum(np.abs(x), 20.0)))):
         np.testing.assert_allclose(out[k::3], exact, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("dry", [{}, {"coulomb": {"d_cm": 2.0, "dq_0": 0.0}}, {"coulomb": {}}])
+@pytest.mark.parametrize("structure", ["output_fixed_rigid_gearbox", "full_dynamics"])
+@pytest.mark.parametrize(("volts", "limited"), [(6.0, False), (20.0, True)])
+def test_a_voltage_without_inductance(
+    structure: str, dry: dict[str, Any], volts: float, *, limited: bool
+) -> None:
+    effects = {**dry, "command_delay": {"delay": 1.3e-3}, "viscous_asym": {"d_m_n": 1.0}}
+    joint = load_joint("orange_80_6000", structure, "static", effects=effects)
+    num, rng = WIDTH + 3, np.random.default_rng(0)
+    pair = [JointBatch(joint, num, 1e-3, 5e-4, voltage=True) for _ in range(2)]
+    pair[0].use_blocks(joint)
+    assert pair[0].blocks is not None
+    level, left = np.zeros((num, 2)), False  # some beyond the largest current
+    for batch in pair:
+        batch.restart(np.ones(num, dtype=np.bool_), np.zeros(num))
+    for k in range(STEPS):
+        if k % 7 == 0:
+            level[:, 0] = rng.uniform(-volts, volts, num) * (rng.random(num) < 0.7)
+        for batch in pair:
+            batch.step(level, 0.02 * level[:, 0])
+        left |= bool(pair[0].blocks.left.any())
+        one, other = (batch.arrays for batch in pair)
+        scale = np.abs(other.state).max(axis=0) + 1e-9
+        np.testing.assert_allclose(one.state / scale, other.state / scale, atol=1e-9)
+        np.testing.assert_allclose(one.currents, other.currents, rtol=1e-7, atol=1e-8)
+        np.testing.assert_allclose(one.memory[:, VOLTS], other.memory[:, VOLTS], atol=1e-8)
+    assert np.abs(pair[1].arrays.state).max() > 1e-3
+    assert left == limited

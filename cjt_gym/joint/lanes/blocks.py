@@ -20,7 +20,9 @@ from cjt_gym.joint.kernel.arrays import (
     LAGGED,
     LATE_SUB,
     Q_M,
+    R_W,
     TAU,
+    VOLTS,
     WORK_ROWS,
     WORK_WIDTH,
     Batch,
@@ -78,7 +80,9 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
     """
     structure = joint.structure_row
     groups = structure.groups
-    if joint.drive != "current" or voltage or (torque and not structure.has_spring):
+    if joint.drive != ("static" if voltage else "current"):
+        return None
+    if torque and not structure.has_spring:
         return None
     if not set(joint.effects) <= set(HANDLED):
         return None
@@ -90,7 +94,7 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
         for body in range(3)
         if any(record[names[body]][0] != 0.0 for names in (UPS, DOWNS, EXTRAS))
     }
-    coordinates = sorted(rubbing - {-1})
+    coordinates = sorted({*rubbing, *(groups[:1] if voltage else ())} - {-1})
     first, second, third = (*coordinates, 0, 0, 0)[:3]
     return Kind(
         structure.order,
@@ -101,7 +105,8 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
         third,
         int(bool(coordinates) and float(record["dq_0"][0]) == 0.0),
         ripple.shape[0],
-        int("current_lag" in joint.effects),
+        int("current_lag" in joint.effects and not voltage),
+        int(voltage),
     )
 
 
@@ -135,11 +140,12 @@ def body_friction(p: Any, body: int) -> tuple[float, float, float]:
 
 
 @lean
-def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int) -> bool:
-    """Read the friction of a joint; return whether it fits the kind."""
+def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int, back_emf: float) -> bool:
+    """Read the friction of a joint, back-EMF included; return whether it fits the kind."""
     left = 0.0
     for k in range(kind.n):
-        s[at.UP + k, lane] = s[at.DOWN + k, lane] = s[at.EXTRA + k, lane] = 0.0
+        s[at.UP + k, lane] = s[at.DOWN + k, lane] = 0.0
+        s[at.FORE + k, lane] = s[at.EXTRA + k, lane] = back_emf if k == 0 else 0.0
     for body in range(3):
         up, down, extra = body_friction(p, body)
         found = setup.groups[body] < 0
@@ -176,7 +182,9 @@ def read_parameters(
 ) -> None:
     """Read the parameters of joint i into place lane of a block."""
     p, a, b = batch.p[i], batch.a[i], batch.b[i]
-    usable = read_friction(p, setup, kind, s, lane)
+    per_ampere, ohms = batch.memory[i, K_M], batch.memory[i, R_W]
+    back_emf = per_ampere * per_ampere / ohms if kind.volts else 0.0
+    usable = read_friction(p, setup, kind, s, lane, back_emf)
     for row in range(kind.order):
         for j in range(kind.order):
             s[at.A + 6 * row + j, lane] = a[row, j]
@@ -191,12 +199,16 @@ def read_parameters(
         row, tone = at.TONES + 3 * j, batch.ripple[i, j]
         s[row, lane] = tone[0]
         s[row + 1, lane], s[row + 2, lane] = tone[1] * p.cogging_scale, tone[2] * p.cogging_scale
-    s[at.PEAK, lane], s[at.OFFSET, lane] = p.i_p, p.torque_offset
+    s[at.PEAK, lane], s[at.LIMIT, lane] = p.v_0 if kind.volts else p.i_p, p.i_p
+    s[at.PER_UNIT, lane], s[at.OFFSET, lane] = per_ampere, p.torque_offset
+    if kind.volts:
+        s[at.PER_UNIT, lane] = s[at.SLOWED, lane] = per_ampere / ohms
+        s[at.PER_VOLT, lane] = 1.0 / ohms
     s[at.K_B, lane], s[at.D_GL, lane] = p.k_b, p.d_gl
-    s[at.RESOLUTION, lane], s[at.PER_AMPERE, lane] = p.command_resolution, batch.memory[i, K_M]
+    s[at.RESOLUTION, lane] = p.command_resolution
     s[at.LATE, lane], s[at.LATE_SUB, lane] = lateness(p.command_delay, setup)
     lag = 2.0 * math.pi * p.current_bandwidth * setup.h
-    usable = usable and (lag == 0.0 or kind.lags == 1)
+    usable = usable and (lag == 0.0 or kind.lags == 1 or kind.volts == 1)
     s[at.STAYS, lane] = math.exp(-lag) if lag > 0.0 else 0.0
     s[at.MEAN, lane] = -math.expm1(-lag) / lag if lag > 0.0 else 0.0
     s[at.PLAIN, lane] = 1.0 if is_plain(p) else 0.0
@@ -259,7 +271,11 @@ def leave(batch: Batch, setup: Setup, kind: Kind, place: Place, load: float, wor
             state[3 + body] = load
     out, ring = batch.outputs[i, wrap(k + 1, depth)], batch.commands[i, wrap(k, depth)]
     ring[0], ring[1] = s[at.COMMAND, lane], 0.0
-    batch.currents[i, 0] = out[CURRENT_I] = s[at.CURRENT, lane]
+    current = s[at.CURRENT if kind.volts else at.ACTING, lane]
+    batch.currents[i, 0] = out[CURRENT_I] = current
+    if kind.volts:
+        induced = rows[at.SLOWED, lane] * state[3]
+        batch.memory[i, VOLTS] = (current + induced) / rows[at.PER_VOLT, lane]
     if kind.lags:
         batch.memory[i, LAGGED] = s[at.LAGGED, lane]
     for j in range(6):

@@ -1,8 +1,8 @@
 """Many joints side by side: the substeps of the most common joints, in vector registers.
 
-The same equations and the same scheme as `substep`, for joints that a current source, with or
-without a lag, drives through linear springs, with Coulomb and one-sided viscous friction (smooth
-or sharp) and cogging.
+The same equations and the same scheme as `substep`, for joints with linear springs, with Coulomb
+and one-sided viscous friction (smooth or sharp) and cogging, driven by a current source with or
+without a lag, or by a voltage without inductance. The back-EMF of the latter is viscous friction.
 WIDTH joints form a block: each of its rows holds one quantity, a number per joint; `p` are its
 parameters and `s` is scratch. The code reads as if for a single joint; where joints take different
 branches, `choose` computes both.
@@ -41,13 +41,16 @@ ENOUGH, CLOSE = 85, 86  # steps of Newton's method after which a speed is solved
 PEAK, OFFSET, K_B, D_GL = 87, 88, 89, 90
 LATE, LATE_SUB = 91, 92  # control steps and substeps after which a command acts
 PLAIN, USABLE = 93, 94  # whether sensors are ideal, and whether this code can move the joint
-RESOLUTION, PER_AMPERE = 95, 96  # step of the command [A], motor torque per current [N m/A]
+RESOLUTION, PER_UNIT = 95, 96  # step of the command, and motor torque per unit of it
 STAYS, MEAN = 97, 98  # share of a change of current that a lag leaves after a substep, and its mean
-TONES = 99  # three rows per harmonic: frequency, cosine, sine
+PER_VOLT, SLOWED = 99, 100  # current per voltage [A/V], and what a speed takes from it [A s/rad]
+FORE = 101  # viscous friction in the positive direction: that of a back-EMF
+LIMIT = 104  # largest current of a voltage drive [A]
+TONES = 105  # three rows per harmonic: frequency, cosine, sine
 # Rows of the scratch `s` of a thread:
 X = 0  # states
 COMMAND, CURRENT, BEFORE, AFTER, PUSHED = range(6, 11)
-# The command, its current, what acts before and after it does [A], and the load input.
+# The command, its current, what acts before and after it does [A or V], and the load input.
 PUSH = 11  # what motor torque and load input add to the states
 FREE = 17  # states at the end of a substep
 RIPPLE = 23  # ripple torque of the substep before
@@ -58,7 +61,8 @@ FAILED = 33  # whether the joint is left to the general kernel
 SINE, COSINE = 34, 35  # of its rotor, for the environment
 BEFORE_DRAG = 36  # friction torques of the substep before the last
 LAGGED = 39  # current behind a lag
-SCRATCH_ROWS = 40
+ACTING = 40  # the current or voltage that acts, within its limit
+SCRATCH_ROWS = 41
 
 
 class Kind(NamedTuple):
@@ -73,6 +77,7 @@ class Kind(NamedTuple):
     sharp: int  # 1 where the sign of the velocity is sharp (dq_0 = 0), else 0
     tones: int  # number of cogging harmonics
     lags: int  # 1 where a lag precedes the current, else 0
+    volts: int  # 1 where the command is a voltage, else 0
 
 
 @inlined
@@ -89,7 +94,7 @@ def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
     """
     ahead, steep = v >= 0.0, get(p, STEEP)
     level = choose(ahead, get(p, UP + k), get(p, DOWN + k))
-    extra = choose(ahead, 0.0, get(p, EXTRA + k))
+    extra = choose(ahead, get(p, FORE + k), get(p, EXTRA + k))
     e = decay(v * steep)
     a = 1.0 + e
     slope = madd(4.0 * steep * level, e, extra * (a * a))
@@ -107,8 +112,8 @@ def predict(kind: Kind, p: Floats, s: Floats) -> None:
         if kind.sharp:
             up, down = get(p, UP + k), get(p, DOWN + k)
             behind = get(p, EXTRA + k) * v - down
-            held = 0.5 * (up - down)
-            put(s, DRAG + k, choose(v > 0.0, up, choose(v < 0.0, behind, held)))
+            held, before = 0.5 * (up - down), get(p, FORE + k) * v + up
+            put(s, DRAG + k, choose(v > 0.0, before, choose(v < 0.0, behind, held)))
         else:
             torque, _ = friction(p, k, v)
             put(s, DRAG + k, torque)
@@ -124,9 +129,9 @@ def push(kind: Kind, p: Floats, s: Floats, step: int) -> None:
         put(s, LAGGED, madd(get(p, STAYS), gap, wanted))
         wanted = madd(get(p, MEAN), gap, wanted)
     peak = get(p, PEAK)
-    current = choose(wanted > peak, peak, choose(wanted < 0.0 - peak, 0.0 - peak, wanted))
-    put(s, CURRENT, current)
-    torque, load = madd(get(p, PER_AMPERE), current, get(p, OFFSET)), get(s, PUSHED)
+    acting = choose(wanted > peak, peak, choose(wanted < 0.0 - peak, 0.0 - peak, wanted))
+    put(s, ACTING, acting)
+    torque, load = madd(get(p, PER_UNIT), acting, get(p, OFFSET)), get(s, PUSHED)
     for i in range(kind.order):
         put(s, PUSH + i, madd(get(p, MOTOR + i), torque, get(p, LOAD + i) * load))
 
@@ -274,6 +279,9 @@ def project(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
             target = target - get(p, MOBILITY + 3 * k + m) * get(s, DRAG + m)
         up, down, extra = get(p, UP + k), get(p, DOWN + k), get(p, EXTRA + k)
         ahead, behind = target - w * up, (target + w * down) / (1.0 + w * extra)
+        if kind.volts:
+            ahead = ahead / (1.0 + w * get(p, FORE + k))
+            up = madd(get(p, FORE + k), ahead, up)
         forward, backward = ahead > 0.0, behind < 0.0
         v = choose(forward, ahead, choose(backward, behind, 0.0))
         torque = choose(forward, up, choose(backward, extra * v - down, target / w))
@@ -320,6 +328,14 @@ def stop(kind: Kind, p: Floats, s: Floats) -> None:
 
 
 @lean
+def conduct(p: Floats, s: Floats) -> None:
+    """Find the current that a voltage drives at the mean speed; one at its limit is not ours."""
+    current = get(p, PER_VOLT) * get(s, ACTING) - get(p, SLOWED) * get(s, SPEED)
+    put(s, CURRENT, current)
+    put(s, FAILED, choose(abs(current) > get(p, LIMIT), 1.0, get(s, FAILED)))
+
+
+@lean
 def arrive(kind: Kind, p: Floats, s: Floats) -> None:
     """Add ripple and the friction that was found."""
     ripple, end = get(s, RIPPLE), FREE if kind.sharp else X
@@ -349,4 +365,6 @@ def run(kind: Kind, p: Floats, s: Floats, substeps: int, h: float) -> None:
         aim(kind, p, s, h)
         if kind.n > 0:
             solve(kind, p, s)
+        if kind.volts:
+            conduct(p, s)
         arrive(kind, p, s)

@@ -145,7 +145,8 @@ def run_side_by_side(
             for column in range(6):
                 batch.state[i, column] = states[first, column]
             restart(batch, setup, i, loads[first], work)
-            batch.currents[i, 0] = batch.memory[i, LAGGED] = commands[first]
+            if not setup.is_voltage:
+                batch.currents[i, 0] = batch.memory[i, LAGGED] = commands[first]
             for d in range(batch.commands.shape[1]):
                 batch.commands[i, d, 0] = commands[first]
         for j in range(-lead, length):
