@@ -138,6 +138,21 @@ def test_nothing_else_is_blamed_for_listed_friction_within_its_tolerance(
     assert number_of(found, "coulomb", "d_cm") == pytest.approx(level, rel=0.02)
 
 
+@pytest.mark.parametrize("level", [0.2, 5.0])
+def test_listed_friction_that_is_a_guess_is_found(tmp_path: Path, level: float) -> None:
+    """Its level stands among the parameters, as well as the damping's, another guess."""
+    guesses = FRICTION.replace("tolerance = 0.2", "guess = true")
+    sheet = joint_of(tmp_path, guesses).file
+    p = sheet.parameters
+    damping = replace(p.quantities["d_m"], tolerance=None, guess=True)
+    true = joint_of(tmp_path, effects={"coulomb": {"d_cm": level, "dq_0": 0.0}})
+    file = replace(sheet, parameters=p.replace(d_m=damping))
+    found = diagnose(record_of(true), file, STRUCTURE)
+    assert (found.verdict, found.effects) == ("no_gap", ())
+    assert number_of(found, "coulomb", "d_cm") == pytest.approx(level, rel=0.05)
+    assert found.joint.parameters.d_m == pytest.approx(p.d_m, rel=0.05)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("symbol", "factor", "name"), [("k_t", 0.89, "torque_constant"), ("d_m", 1.8, "damping")]

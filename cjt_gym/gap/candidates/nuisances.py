@@ -165,14 +165,17 @@ def _parameters(setting: Setting) -> list[Nuisance]:
 
 
 def _friction(setting: Setting) -> list[Nuisance]:
-    """Return the levels of Coulomb friction that the joint file lists with a tolerance."""
+    """Return the levels of Coulomb friction that the file lists with a tolerance, or as guesses."""
     effects, rows = setting.joint.effects, []
     listed_levels = {} if "presliding" in effects else effects.get("coulomb", {})
     for field, symbol in FRICTION.items():
         listed, start = listed_levels.get(symbol), setting.nominal[field]
-        if not isinstance(listed, Quantity) or not listed.tolerance or start <= 0.0:
+        if not isinstance(listed, Quantity) or start <= 0.0:
             continue
-        unknown = _relative(field, "N m", start, listed.tolerance, FURTHEST)
+        if not (listed.tolerance or listed.guess):
+            continue
+        far = ANYWHERE if listed.guess else FURTHEST
+        unknown = _relative(field, "N m", start, listed.tolerance or GUESSED, far)
         rows.append(Nuisance(field, unknown, stages_of(setting, field), (f"c_n_{field[-1]}",)))
     return rows
 

@@ -12,6 +12,7 @@ from cjt_gym.gap.judged.confidence import confidence
 from cjt_gym.gap.judged.confusable import best_rival, rival_fits
 from cjt_gym.gap.judged.gap_size import harms
 from cjt_gym.gap.judged.replay import written
+from cjt_gym.gap.recorded.listed import in_place_of
 from cjt_gym.gap.recorded.missing import same_here, undecided
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.explain import Explanation
@@ -136,7 +137,7 @@ def _doubt(
     setting, effect = found.problem.stages.setting, found.fit.model.effects[index]
     doubts = (
         (not held_out_shows, "held-out data do not prove it"),
-        (may_be_nothing(effect, numbers), "its interval includes its absence"),
+        (may_be_nothing(effect, numbers), _absent(setting, effect.name)),
         (at_an_end(effect, numbers), "its number is at the end of its range"),
         (is_open(effect, numbers), "its number may be ten times as large"),
         (undecided(setting, effect.name), "these channels do not tell it from another effect"),
@@ -149,6 +150,14 @@ def _doubt(
         (_is_lopsided(found, index, numbers), "an offset beside it may be its asymmetry"),
     )
     return next((why for holds, why in doubts if holds), "")
+
+
+def _absent(setting: Setting, name: str) -> str:
+    """Return that an effect may be absent, and so is what the joint file lists in its place."""
+    listed = [other for other in in_place_of(name) if other in setting.listed]
+    if not listed:
+        return "its interval includes its absence"
+    return f"its interval includes its absence, and that of the {listed[0]} that the file lists"
 
 
 def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:

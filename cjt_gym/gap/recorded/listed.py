@@ -64,7 +64,11 @@ def in_place_of(name: str) -> tuple[str, ...]:
 
 
 def as_values(file: JointFile, shape: Structure) -> JointFile:
-    """Return a joint file whose rows of effects that replace datasheet values are these values."""
+    """Return a joint file whose rows of effects that replace datasheet values are these values.
+
+    Friction that is listed without a level has that of the datasheet, which may be a guess.
+    """
+    file = _with_guesses(file)
     p, kept, moved = file.parameters, dict(file.effects), {}
     for name, numbers in _resolved(file, shape).items():
         row = EFFECTS[name]
@@ -88,6 +92,16 @@ def as_values(file: JointFile, shape: Structure) -> JointFile:
     if len(kept) == len(file.effects):
         return file
     return replace(file, parameters=p.replace(**moved), effects=kept)
+
+
+def _with_guesses(file: JointFile) -> JointFile:
+    """Return a joint file whose listed Coulomb friction states guesses of its levels itself."""
+    known, listed = file.parameters.quantities, file.effects.get("coulomb")
+    if listed is None:
+        return file
+    levels = {s: known[s] for s in (f"d_c{body}" for body in BODIES) if s in known}
+    guesses = {symbol: level for symbol, level in levels.items() if level.guess}
+    return replace(file, effects={**file.effects, "coulomb": {**guesses, **listed}})
 
 
 def _tolerance(said: Quantity, old: Quantity) -> float | None:

@@ -36,7 +36,6 @@ from cjt_gym.gap.recorded.signals import (
     interval_mean,
     joint_torque,
     motor_torque,
-    periodic_torque,
     shift_noise,
     shifted,
     smooth_mean,
@@ -72,6 +71,8 @@ SPRINGS = ("k_b", "k_g")
 """Fields that noise of the angles is multiplied by."""
 BENDS = ("play", "hard", "hyst")
 """Fields of a bar whose torque is not in proportion to its deflection."""
+WAVES = 4
+"""Number of frequencies for which sines and cosines of the motor's angles are kept."""
 PULSE = 800
 SMOOTH = 21
 
@@ -93,6 +94,7 @@ class Stages:
     others: tuple[Stages, ...] = ()
     springs: Fields = field(default_factory=dict)
     _chains: dict[tuple[object, ...], Chain] = field(default_factory=dict)
+    _seen_waves: dict[float, tuple[Floats, Floats]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.springs = self.springs or self.setting.nominal
@@ -256,14 +258,32 @@ class Stages:
 
     def _ripple(self, fields: Fields, series: Series, transmitted: Floats) -> Floats:
         """Return the mean of the periodic torques over each interval [N m], shape (N,)."""
-        own = series["q_m"] is self.setting.series["q_m"]
-        q = self._angles_within if own else within(series["q_m"])
-        if fields["rip_f"] == 0.0:
-            return np.asarray(MEAN @ periodic_torque(fields, q, np.zeros(1)))
-        if self.setting.has_gear:  # a compliant gear also carries what moves itself
-            speed, acceleration = self._motion
-            transmitted = transmitted + fields["I_g"] * acceleration + fields["d_g"] * speed
-        return np.asarray(MEAN @ periodic_torque(fields, q, within(transmitted)))
+        q = series["q_m"]
+        total = np.zeros(len(q))
+        if fields["cog_f"] != 0.0:
+            cosine, sine = self._waves(fields["cog_f"], q)
+            total += MEAN @ (fields["cog_a"] * cosine + fields["cog_b"] * sine)
+        if fields["rip_f"] != 0.0:
+            if self.setting.has_gear:  # a compliant gear also carries what moves itself
+                speed, acceleration = self._motion
+                transmitted = transmitted + fields["I_g"] * acceleration + fields["d_g"] * speed
+            cosine, sine = self._waves(fields["rip_f"], q)
+            share = fields["rip_a"] * cosine + fields["rip_b"] * sine
+            total += MEAN @ (share * within(transmitted))
+        return total
+
+    def _waves(self, frequency: float, q: Floats) -> tuple[Floats, Floats]:
+        """Return cosine and sine of a multiple of angles between the samples, shape (5, N) each."""
+        own = q is self.setting.series["q_m"]
+        found = self._seen_waves.get(frequency) if own else None
+        if found is None:
+            x = frequency * (self._angles_within if own else within(q))
+            found = np.cos(x), np.sin(x)
+            if own:
+                if len(self._seen_waves) > WAVES:
+                    self._seen_waves.clear()
+                self._seen_waves[frequency] = found
+        return found
 
     @cached_property
     def _angles_within(self) -> Floats:
@@ -403,11 +423,12 @@ class Stages:
     def chain(self, name: str, fields: Fields) -> Chain:
         """Return the chain of a stage."""
         key = (name, *(fields[f] for f in CHAIN))
-        if key not in self._chains:
+        found = self._chains.get(key)
+        if found is None:
             if len(self._chains) > 64:
                 self._chains.clear()
-            self._chains[key] = stage_chain(self.setting, name, fields)
-        return self._chains[key]
+            self._chains[key] = found = stage_chain(self.setting, name, fields)
+        return found
 
     def _innovations(self, name: str, series: Series, fields: Fields, piece: Piece) -> Prediction:
         channel = "q_m" if name == "motor" else "q_l"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.candidates.nuisances import Nuisance, nuisances, nuisances_of_others
 from cjt_gym.gap.candidates.number import Number
+from cjt_gym.gap.parallel import side_by_side
 from cjt_gym.gap.recorded.fields import Fields
 from cjt_gym.gap.stages.cut import Stages
 from cjt_gym.gap.stages.process import settle_noise
@@ -298,7 +299,8 @@ class Problem:
             for name, columns in known.items():
                 out[name][:, :first] = columns[:, :first]
         unknowns, touches = self.unknowns(model), self.touches(model)
-        for j in range(first, size):
+
+        def column(j: int) -> None:
             step = difference(unknowns[j], z[j])
             moved = z.copy()
             moved[j] += step
@@ -307,9 +309,11 @@ class Problem:
                 moved[j] -= 2.0 * step
                 back, width = self.residuals(model, moved, touches[j]), 2.0 * step
             for name, r in ahead.items():
-                column = (r - back[name]) / width
-                if column @ column < RUNAWAY:
-                    out[name][:, j] = column
+                slope = (r - back[name]) / width
+                if slope @ slope < RUNAWAY:
+                    out[name][:, j] = slope
+
+        side_by_side(column, range(first, size))
         return out
 
     def _linearised(

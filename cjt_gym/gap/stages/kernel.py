@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint.kernel.arrays import Floats
-from cjt_gym.joint.kernel.compiled import compiled, lean
+from cjt_gym.joint.kernel.compiled import lean, threaded
 
 LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_P, VISCOUS_N, ELASTIC, LOADED, SMOOTH = range(10)
 """Columns of a friction law: Coulomb levels for both directions [N m], breakaway levels above them
@@ -67,6 +67,24 @@ class Rubbing(NamedTuple):
     laws: Floats
     bodies: NDArray[np.int64]
     load: Floats
+
+
+class Found(NamedTuple):
+    """What it predicts; zeros at first.
+
+    Attributes:
+        e: Innovations, shape (N,).
+        states: Predicted states, shape (N, n).
+        torque: Friction torque on each body over each sample [N m], shape (N, bodies).
+        bristle: Torque of each body's elastic bristle at the end [N m], shape (bodies,).
+        slack: Motion that each body lost in the last sample [rad], shape (bodies,).
+    """
+
+    e: Floats
+    states: Floats
+    torque: Floats
+    bristle: Floats
+    slack: Floats
 
 
 class Backlash(NamedTuple):
@@ -293,10 +311,10 @@ def pass_through(gap: Backlash, x: Floats, new: Floats, free: Floats, t: int, h:
     return share
 
 
-@compiled
+@threaded
 def predict(
-    system: Linear, measured: Measured, rubbing: Rubbing, gap: Backlash
-) -> tuple[Floats, Floats, Floats]:
+    system: Linear, measured: Measured, rubbing: Rubbing, gap: Backlash, found: Found, work: Floats
+) -> None:
     """Run the predictor over a record.
 
     Args:
@@ -304,26 +322,23 @@ def predict(
         measured: What was measured of it.
         rubbing: Its friction.
         gap: Its play.
-
-    Returns:
-        Innovations, shape (N,); predicted states, shape (N, n); friction torque on each body over
-        each sample [N m], shape (N, bodies).
+        found: Receives what it predicts.
+        work: Scratch, shape (3 + bodies, n) or larger.
     """
     a, firm, forced, x0, h = system
     k, y, valid = measured
     laws, bodies, load = rubbing
+    e, states, torque, bristle, slack = found
+    x, new, free, g = work[0], work[1], work[2], work[3:].T
     n, nb = a.shape[0], bodies.shape[0]
     size = forced.shape[0]
-    e = np.zeros(size)
-    states = np.zeros((size, n))
-    torque = np.zeros((size, nb))
-    bristle = np.zeros(nb)
-    slack = np.zeros(nb)
-    x = x0.copy()
-    new, free = np.zeros(n), np.zeros(n)
-    g = firm.copy()
+    for i in range(n):
+        x[i] = x0[i]
+        for b in range(nb):
+            g[i, b] = firm[i, b]
     for t in range(size):
-        states[t] = x
+        for i in range(n):
+            states[t, i] = x[i]
         if valid[t]:
             e[t] = y[t] - x[0]
             for i in range(n):
@@ -355,4 +370,3 @@ def predict(
                     bristle[b] = z
         for i in range(n):
             x[i] = new[i]
-    return e, states, torque

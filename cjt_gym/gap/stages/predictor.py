@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.recorded.fields import LAW_SIZE, Fields, friction_law, has_friction
 from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.gap.stages.chain import Chain
-from cjt_gym.gap.stages.kernel import Backlash, Linear, Measured, Rubbing, predict
+from cjt_gym.gap.stages.kernel import Backlash, Found, Linear, Measured, Rubbing, predict
 from cjt_gym.joint.kernel.arrays import Floats
 
 RESPONSE = 200
@@ -164,6 +163,10 @@ def run_predictor(
         x0: First state, shape (n,).
         dt: Sample time [s].
         seen: What was measured; by default nothing.
+
+    Returns:
+        Innovations, shape (N,); predicted states, shape (N, n); friction torque on each of these
+        bodies over each sample [N m], shape (N, bodies).
     """
     chain, play, rubbing = piece.chain, piece.play, piece.rubbing
     load = np.abs(piece.transmitted)
@@ -194,5 +197,11 @@ def run_predictor(
             slack[:, row] = play.loose.torque[:, body]
         loose, adrift = (np.ascontiguousarray(x) for x in (play.loose.a, play.adrift))
         gap = Backlash(play.play, loose, adrift, slack, play.entry)
-    run: Callable[..., tuple[Floats, Floats, Floats]] = predict
-    return run(system, seen, Rubbing(laws, velocities, loads), gap)
+    rows, order, bodies = *drive.shape, len(rough)
+    found = Found(
+        np.zeros(rows), np.zeros(drive.shape), np.zeros((rows, bodies)),
+        np.zeros(bodies), np.zeros(bodies),
+    )  # fmt: skip
+    work = np.zeros((3 + bodies, order))
+    predict(system, seen, Rubbing(laws, velocities, loads), gap, found, work)
+    return found.e, found.states, found.torque

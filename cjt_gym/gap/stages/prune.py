@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.parallel import side_by_side
 from cjt_gym.gap.recorded.missing import twins
 from cjt_gym.gap.stages.fit import FLOOR, MOVES, Fit, Model, Problem, retuned, without
 from cjt_gym.gap.stages.merit import LOG_SHARE, MARGIN, STRAIN, evidence
@@ -84,7 +86,7 @@ def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list
     An effect is also material if it relieves the datasheet's priors by at least `strain`.
     """
     while fit.model.effects:
-        needs = [need(problem, fit, k) for k in range(len(fit.model.effects))]
+        needs = side_by_side(partial(need, problem, fit), range(len(fit.model.effects)))
         material = [n.material(strain) for n in needs]
         weakest = min(range(len(needs)), key=lambda k: (material[k], needs[k].evidence))
         if material[weakest]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.parallel import side_by_side
 from cjt_gym.gap.stages.fit import (
     DEFLATION,
     MOVES,
@@ -262,7 +263,7 @@ class Selection:
         quick = self.rough(fit, pool)
         chosen = self._short_list(quick, fit)
         self.untried += [f for f in quick if f not in chosen][:SHORT_LIST]
-        return [self._tried(f) for f in chosen]
+        return side_by_side(self._tried, chosen)
 
     def _tried(self, rough: Fit) -> Fit:
         """Return a rough fit after some full steps.
@@ -284,26 +285,31 @@ class Selection:
         places = self._places(fit)
         self.problem.stages.tune(self.problem.fields(fit.model, places[-1]))
         looks = [self._look(fit, z) for z in places]
-        firsts: list[tuple[float, Look, Fit]] = []
-        for effect in free:
-            if time.process_time() > self.until and firsts:
-                break
+
+        def first(effect: Candidate) -> tuple[float, Look, Fit] | None:
+            if time.process_time() > self.until and effect is not free[0]:
+                return None
             found = [
-                (evidence(self.problem, first), look, first)
+                (evidence(self.problem, one), look, one)
                 for look in looks
-                if (first := look.first(effect, self._starts(look.fit, effect))) is not None
+                if (one := look.first(effect, self._starts(look.fit, effect))) is not None
             ]
-            firsts += [max(found, key=lambda row: row[0])] if found else []
+            return max(found, key=lambda row: row[0], default=None)
+
+        firsts = [row for row in side_by_side(first, free) if row is not None]
         if not firsts:
             return []
         before = evidence(self.problem, looks[0].fit)
         top = max(value for value, _, _ in firsts)
         limit = min(top - 2.0 * NEAR, before + HOPEFUL * (top - before))
-        quick = []
-        for value, look, first in firsts:
-            rough = look.refine(first) if value > limit else first
+
+        def refined(row: tuple[float, Look, Fit]) -> Fit:
+            value, look, fit = row
+            rough = look.refine(fit) if value > limit else fit
             rough.jacobian = look.fit.jacobian
-            quick.append(rough)
+            return rough
+
+        quick = side_by_side(refined, firsts)
         return sorted(quick, key=lambda f: -evidence(self.problem, f))
 
     def _places(self, fit: Fit) -> list[Floats]:

@@ -280,7 +280,10 @@ def _suspected(
 
 
 def title_of(*records: Record) -> str:
-    """Return a short name of records: that of the first one's file, and how many there are more."""
-    first, *more = records
-    name = first.owner if first.origin is None else first.origin.stem
+    """Return a short name of records: that of the first one's file, and how many there are more.
+
+    Parts of one file are one record.
+    """
+    names = (r.owner if r.origin is None else r.origin.stem for r in records)
+    name, *more = dict.fromkeys(names)
     return f"{name} and {len(more)} more" if more else name

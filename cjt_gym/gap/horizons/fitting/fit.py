@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.candidates.number import STEP
-from cjt_gym.gap.horizons.fitting.parallel import side_by_side
 from cjt_gym.gap.horizons.fitting.terms import scales_of
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.windows import Windows
+from cjt_gym.gap.parallel import side_by_side
 from cjt_gym.joint.kernel.arrays import Floats
 
 LEAST = 3e-3

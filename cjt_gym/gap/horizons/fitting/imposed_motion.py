@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem
-from cjt_gym.gap.horizons.fitting.parallel import side_by_side
 from cjt_gym.gap.horizons.prediction.model import Model
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, relative
+from cjt_gym.gap.parallel import side_by_side
 from cjt_gym.gap.recorded.tolerances import GUESSED
 
 HEAVIER = (10.0, 1e3, 1e5)

@@ -10,10 +10,10 @@ import numpy as np
 
 from cjt_gym.gap.candidates.number import Number
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem
-from cjt_gym.gap.horizons.fitting.parallel import side_by_side
 from cjt_gym.gap.horizons.prediction.model import Model, Term, motor_inertia
 from cjt_gym.gap.horizons.selection.stepwise import added, allowed, priced
 from cjt_gym.gap.horizons.torque.inverse import inverse
+from cjt_gym.gap.parallel import side_by_side
 from cjt_gym.joint.kernel.arrays import Floats
 
 LARGEST = 400

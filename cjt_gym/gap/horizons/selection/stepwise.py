@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.gap.horizons.fitting.fit import Fit, Problem, _solve, _within
-from cjt_gym.gap.horizons.fitting.parallel import side_by_side
 from cjt_gym.gap.horizons.prediction.model import Model, Term
 from cjt_gym.gap.horizons.selection.worth import price
+from cjt_gym.gap.parallel import side_by_side
 from cjt_gym.joint.kernel.arrays import Floats
 
 FULL = 3

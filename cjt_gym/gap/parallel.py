@@ -1,4 +1,4 @@
-"""Independent fits in parallel threads: the prediction kernel releases the interpreter lock."""
+"""Independent fits in parallel threads: compiled predictions release the interpreter lock."""
 
 from __future__ import annotations
 
