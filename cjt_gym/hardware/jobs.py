@@ -77,14 +77,12 @@ def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> S
         make = _experiment
     else:
         run = Run(out, tuple(map(tracking, configs, each)))
-        _check_words([run])
         return [run]
     runs = []
     for name in names:
         path = None if out is None else out / f"{name}.csv"
         jobs = (make(name, config, own) for config, own in zip(configs, each, strict=True))
         runs.append(Run(path, tuple(jobs)))
-    _check_words(runs)
     return _missing(runs)
 
 
@@ -105,11 +103,14 @@ def of_joint(
     return argparse.Namespace(**own)
 
 
-def _check_words(runs: Sequence[Run]) -> None:
-    """Raise an error for an unknown controller before the bus is used."""
-    for job in (job for run in runs for job in run.jobs):
-        if job.policy is None and job.controller != NONE:
-            choose(job.controller)
+def _made_by(controller: str, policy: str | None) -> dict[str, Any]:
+    """Return what a record says of what made it; an unknown controller is an error here."""
+    if policy is not None:
+        return {"policy": policy}
+    if controller == NONE:
+        return {"controller": NONE, "mode": "open loop"}
+    name = choose(controller).controller
+    return {"controller": name} | ({"gain_file": controller} if controller != name else {})
 
 
 def _experiment(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
@@ -125,7 +126,7 @@ def _task(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job
     make = partial(reference_of, name, dt=config.dt, duration=seconds, seed=options.seed)
     amplitude, reference = _with_amplitude(config, options, make)
     facts: dict[str, Any] = {"task": name, "amplitude": amplitude, "seed": options.seed}
-    facts |= {"policy": options.policy} if options.policy else {"controller": controller}
+    facts |= _made_by(controller, options.policy)
     return Job(config.name, reference, controller, options.policy, facts)
 
 
@@ -205,10 +206,7 @@ def tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
         reference = _commanded(record, config)(t)
     else:
         reference = drawn(signal_of_record(record), 1.0)
-    if options.policy is None:
-        facts |= {"controller": controller} | ({"mode": "open loop"} if controller == NONE else {})
-    else:
-        facts["policy"] = options.policy
+    facts |= _made_by(controller, options.policy)
     return Job(config.name, reference, controller, options.policy, facts)
 
 

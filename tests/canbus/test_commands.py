@@ -22,7 +22,7 @@ from cjt_gym.hardware.beside_simulation import side_by_side
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.deploy.shipped import policy_names
-from cjt_gym.training.tuning.gains import write_gains
+from cjt_gym.training.tuning.gains import law_of_record, write_gains
 from tests.canbus.bench import config, document
 from tests.canbus.soak import emulator, free_port
 from tests.canbus.test_buses import PATIENT
@@ -98,7 +98,11 @@ def test_gain_files_run_and_amplitudes_keep_the_limits(
     write_gains(gains, "pd_feedforward", {"kp": 0.3}, {})
     words = ["hardware", str(path), "--emulated", "--controller", str(gains), "--out", str(out)]
     assert main([*words, "--duration", "0.1"]) == 0
-    assert read_record(out).provenance["kp"] == 0.3
+    record = read_record(out)
+    assert record.provenance["controller"] == "pd_feedforward"
+    assert record.provenance["gain_file"] == str(gains)
+    assert record.provenance["gains"]["kp"] == 0.3
+    assert law_of_record(record).kp == 0.3
     assert main([*words, "--amplitude", "1e6"]) == 2
     assert "the limit on the joint torque of orange_80_6000" in capsys.readouterr().err
 
