@@ -39,7 +39,7 @@ from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.records.files import gear_ratio_of
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
-from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
+from cjt_gym.training.tuning.gains import choose, files_of, law_in_record
 
 TRACKING, NONE = "pd_feedforward", "none"
 """The default controller, and the name for no controller at all."""
@@ -207,7 +207,7 @@ def simulate(
         )
     plant = SimulatedPlant(joint, 1, dt, dt_physics, randomize)
     joint = plant.joint
-    choice = choose("open_loop" if controller == NONE else controller)
+    choice = choose("open_loop" if controller == NONE else controller).spelt_out(joint, dt)
     law = choice.make(joint, dt)
     law.reset()
     samples = round(duration / dt)
@@ -236,12 +236,9 @@ def simulate(
     if controller == NONE:
         del rows["tau_ref"]
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
-    known: dict[str, Any] = {
-        "controller": NONE if controller == NONE else choice.controller,
-        **gains_in_record(law),
-    }
+    known: dict[str, Any] = {"controller": NONE}
+    if controller != NONE:
+        known = law_in_record(choice, joint, law)
     if drawn:
         known["drawn"] = drawn
-    if choice.gains:
-        known["gains"] = dict(choice.gains)
     return joint.record(rows, dt, seed, reference=reference.kind, **known)

@@ -32,7 +32,7 @@ from cjt_gym.signals import sampled_signal
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.shipped import load_agent
 from cjt_gym.training.evaluation.conditions import Conditions
-from cjt_gym.training.tuning.gains import choose
+from cjt_gym.training.tuning.gains import Choice, choose
 
 BUS_DELAYS: Final = ("command_delay", "measurement_delay")
 """Effects that delay a loop as a bus does, so that they are measured before a run."""
@@ -56,12 +56,9 @@ def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> 
     Raises:
         ConfigurationError: No gains are robust to this delay, or the given ones have no margin.
     """
-    effects = resolve_effects(None, joint.file, joint.structure_row, joint.drive)
-    known = known_joint(replace(joint, effects=effects))
-    late = max(sum(delays.values()), sum(known.setting(name, "delay") for name in BUS_DELAYS))
-    steps = max(0, math.ceil((late - LEFT_TO_SPARE) / dt))
-    delayed = _delayed(known, steps * dt)
-    law = choose(word).make(delayed, dt)
+    known, late, steps = _known(joint, dt, delays)
+    choice, delayed = designed_for(word, joint, dt, delays)
+    law = choice.make(delayed, dt)
     law.command_gain = joint.parameters.k_t / known.parameters.k_t
     if law.linear is not None:
         loop, spare = SampledJoint(_delayed(known), dt).loop, math.ceil(SPARE_DELAY / dt - 1e-9)
@@ -75,6 +72,23 @@ def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> 
                 "loop."
             )
     return law
+
+
+def designed_for(
+    word: str, joint: Joint, dt: float, delays: Mapping[str, float]
+) -> tuple[Choice, Joint]:
+    """Return the controller of `law_for` with all its gains, and the joint that it is made for."""
+    known, _, steps = _known(joint, dt, delays)
+    delayed = _delayed(known, steps * dt)
+    return choose(word).spelt_out(delayed, dt), delayed
+
+
+def _known(joint: Joint, dt: float, delays: Mapping[str, float]) -> tuple[Joint, float, int]:
+    """Return what is known of a joint, and the delay of its loop, in s and in control steps."""
+    effects = resolve_effects(None, joint.file, joint.structure_row, joint.drive)
+    known = known_joint(replace(joint, effects=effects))
+    late = max(sum(delays.values()), sum(known.setting(name, "delay") for name in BUS_DELAYS))
+    return known, late, max(0, math.ceil((late - LEFT_TO_SPARE) / dt))
 
 
 def known_joint(joint: Joint) -> Joint:

@@ -13,11 +13,11 @@ from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import Link
-from cjt_gym.hardware.delayed_law import PolicyLaw, law_for
+from cjt_gym.hardware.delayed_law import PolicyLaw, designed_for, law_for
 from cjt_gym.hardware.jobs import NONE, Job, Run
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.training.evaluation.metrics import rms
-from cjt_gym.training.tuning.gains import gains_in_record
+from cjt_gym.training.tuning.gains import law_in_record
 
 Law = Controller | PolicyLaw
 """What commands a joint."""
@@ -65,8 +65,9 @@ def _law(arm: CanArm, k: int, job: Job, delays: Mapping[str, float]) -> Law | No
     joint = arm.joints[k]
     if job.controller == NONE:
         return None
-    law = law_for(job.controller, joint.config.joint, arm.dt, delays)
-    joint.record.know(designed_for_s=delays, **gains_in_record(law))
+    given = job.controller, joint.config.joint, arm.dt, delays
+    law = law_for(*given)
+    joint.record.know(designed_for_s=delays, **law_in_record(*designed_for(*given), law))
     return law
 
 

@@ -20,13 +20,13 @@ from cjt_gym.canbus.protocols.contract import SLOW
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.hardware.delayed_law import law_for
+from cjt_gym.hardware.delayed_law import designed_for, law_for
 from cjt_gym.joint import JointFile, JointParameters, load_joint, to_toml
 from cjt_gym.joint.build import file_of
 from cjt_gym.plant import Measurement
-from cjt_gym.records import Record, read_record
+from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.evaluation.after_diagnosis import recorded_law
-from cjt_gym.training.tuning.gains import write_gains
+from cjt_gym.training.tuning.gains import law_in_record, write_gains
 from tests.canbus.bench import config, document, virtual_plant
 
 CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")
@@ -134,10 +134,24 @@ def test_a_motor_that_is_known_to_be_weak_is_commanded_more(tmp_path: Path) -> N
 def test_a_replay_commands_as_the_run_did() -> None:
     made = {"controller": "pd_feedforward", "kp": 0.0, "kd": 0.0, "command_gain": 1.25}
     record = Record({"tau": np.zeros(9)}, {"tau": "N m"}, dt=1e-3, provenance=made)
-    known = recorded_law(record, load_joint("orange_80_6000", FIXED), ())
-    assert known is not None
-    torque = known[1].act(Measurement(*np.zeros((9, 1))), np.array([4.0]))
+    _, law = recorded_law(record, load_joint("orange_80_6000", FIXED), ())
+    torque = law.act(Measurement(*np.zeros((9, 1))), np.array([4.0]))
     assert torque == pytest.approx([5.0])
+
+
+def test_a_record_holds_the_law_for_delays_and_for_a_weak_motor(tmp_path: Path) -> None:
+    k_t = config().joint.parameters.k_t
+    given = identified(tmp_path, torque_constant={"k_t": 0.8 * k_t})
+    late = {"measurement_delay.delay": 3.0 * given.dt}
+    law = law_for("lqg", given.joint, given.dt, late)
+    made = law_in_record(*designed_for("lqg", given.joint, given.dt, late), law)
+    zeros, path = {"tau": np.zeros(9)}, tmp_path / "made.csv"
+    write_record(Record(zeros, {"tau": "N m"}, dt=given.dt, provenance=made), path)
+    _, again = recorded_law(read_record(path), load_joint("orange_80_6000", FIXED), ())
+    seen = Measurement(*np.full((9, 1), 0.01))
+    for reference in (4.0, -3.0, 1e6):
+        wanted = np.array([reference])
+        assert again.act(seen, wanted) == pytest.approx(law.act(seen, wanted), rel=1e-12)
 
 
 def test_given_gains_without_margin_are_refused_with_the_margin(tmp_path: Path) -> None:

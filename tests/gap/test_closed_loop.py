@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 
 from cjt_gym.baselines import PdFeedForward
 from cjt_gym.blind import Bench, make_bench
+from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap.judged.closed_loop import closed_loop_gap, replay_closed_loop
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.records import Record
+from cjt_gym.records import Record, read_record
+from cjt_gym.training.evaluation.after_diagnosis import recorded_law
 
 FIXED = "output_fixed_rigid_gearbox"
 KP, FRICTION = 0.4, 2.0
@@ -78,3 +81,38 @@ def test_missing_samples_are_refused(record: Record, joints: tuple[Joint, Joint]
     holed = Record({**record.columns, "tau": torque}, record.units, dt=record.dt, allow_nan=True)
     with pytest.raises(ConfigurationError, match="NaN"):
         replay_closed_loop(holed, joints[0], law(record))
+
+
+@pytest.mark.parametrize("controller", ["lqg", "cascade", "pid_feedforward", "open_loop"])
+def test_a_record_holds_all_of_the_law_that_made_it(controller: str, tmp_path: Path) -> None:
+    """The law was made for the joint with its effects; the replay starts from the nominal one."""
+    path = tmp_path / "made.csv"
+    effects = ["coulomb.d_cm=2.6", "current_lag.bandwidth=60", "noise"]
+    words = ["simulate", "orange_80_6000", "--structure", FIXED, "--effect", *effects]
+    words += ["--controller", controller, "--duration", "0.5", "--reference", "multisine"]
+    assert main([*words, "--out", str(path)]) == 0
+    made = read_record(path)
+    nominal, true = (
+        load_joint("orange_80_6000", FIXED, effects=given)
+        for given in ([], made.provenance["effects"])
+    )
+    name, found = recorded_law(made, nominal, ())
+    assert name == controller
+    again = replay_closed_loop(made, true, found)
+    assert again["tau_cmd"] == pytest.approx(made["tau_cmd"], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        ({"kind": "simulation", "controller": "lqg"}, "does not say for which joint"),
+        ({"kind": "hardware", "policy": "sea"}, "the policy sea; only controllers"),
+        ({"controller": "mine.py:Law"}, r"--controller mine\.py:Law"),
+        ({}, "does not name the controller"),
+    ],
+)
+def test_no_other_law_stands_in_for_one_that_is_not_known(
+    record: Record, joints: tuple[Joint, Joint], made: dict[str, str], told: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=told):
+        recorded_law(replace(record, provenance=made), joints[0], ())

@@ -26,6 +26,8 @@ if TYPE_CHECKING:  # environments and controllers load only where a closed loop 
 DRIVE = "current"
 REPEATED = 0.2
 """Share of samples that a sensor may have repeated, which logs mark as missing."""
+OURS = ("simulation", "hardware")
+"""Kinds of records that the package makes."""
 WORLDS = ("nominal", "identified", "recorded")
 
 
@@ -102,7 +104,7 @@ def in_the_loop(
     """
     record = _tracking([*held, *fitted])
     if record is None:
-        return InTheLoop(None, (), ())
+        return InTheLoop(None, (), _untracked([*held, *fitted]))
     one, two = (_joint(file, structure) for file in (nominal, found.joint))
     notes: list[str] = []
     replay, gaps = None, []
@@ -133,6 +135,13 @@ def _tracking(records: Sequence[Record]) -> Record | None:
     return None
 
 
+def _untracked(records: Sequence[Record]) -> tuple[str, ...]:
+    """Return why no record is replayed, where one has a reference all the same."""
+    if not any("tau_ref" in record and np.any(record["tau_ref"]) for record in records):
+        return ()
+    return ("Not replayed in a closed loop: no record has tau_ref and tau without gaps.",)
+
+
 def _held(record: Record) -> Record:
     """Return a record whose missing samples of the torque are the ones before, as they were."""
     tau, rows = record["tau"], np.arange(len(record))
@@ -147,17 +156,14 @@ def _joint(file: JointFile, structure: str) -> Joint:
 
 def _replay(
     record: Record, nominal: Joint, identified: Joint, was_fitted: bool, agents: Sequence[Agent]
-) -> ClosedLoop | None:
-    """Return the replay under the record's controller, None where that is not known.
+) -> ClosedLoop:
+    """Return the replay under the record's controller.
 
     Of a record that was fitted, only the end counts that was kept from the fit.
     """
     from cjt_gym.gap.judged.closed_loop import closed_loop_gap
 
-    known = recorded_law(record, nominal, agents)
-    if known is None:
-        return None
-    name, law = known
+    name, law = recorded_law(record, nominal, agents)
     begin = int((1.0 - TAIL) * len(record)) if was_fitted else 0
     sensor = nominal.file.sensors.get("tau", {})
     noise, step = (np.max(sensor[k].value) if k in sensor else 0.0 for k in ("noise", "resolution"))
@@ -166,25 +172,58 @@ def _replay(
     return ClosedLoop(name, record.owner, gap)
 
 
-def recorded_law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law] | None:
-    """Return the controller that a record names, else the first classical one that was given."""
-    from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
-    from cjt_gym.baselines.compose import is_composed
+def recorded_law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law]:
+    """Return the controller that a record names, else the first one that was given.
+
+    Raises:
+        ConfigurationError: The law that made the record is not known.
+    """
+    from cjt_gym.baselines import get_entry, make_controller
+    from cjt_gym.baselines.own import is_own
+    from cjt_gym.training.evaluation.rollout import ControllerAgent
+    from cjt_gym.training.tuning.gains import DESIGNED_ON, law_of_record
+
+    made, owner = record.provenance, record.owner
+    given = [agent.choice for agent in agents if isinstance(agent, ControllerAgent)]
+    if "policy" in made:
+        raise ConfigurationError(
+            f"{owner} was made with the policy {made['policy']}; only controllers are replayed."
+        )
+    name = made.get("controller")
+    if name is None and given:
+        return given[0].name, given[0].make(nominal, record.dt)
+    if not isinstance(name, str):
+        raise ConfigurationError(
+            f"{owner} does not name the controller that made it. Name it: --controller C."
+        )
+    if is_own(name) and name not in [choice.controller for choice in given]:
+        raise ConfigurationError(
+            f"{owner} was made with code of your own, which is imported only where you name it: "
+            f"--controller {name}."
+        )
+    if DESIGNED_ON in made:
+        return name, law_of_record(record)
+    if name == "pd_feedforward" and {"kp", "kd"} <= set(made):
+        return name, _pd(record, nominal)
+    if made.get("kind") in OURS and get_entry(name).tunable:
+        raise ConfigurationError(
+            f"{owner} does not say for which joint, and with which gains, {name} was made, as "
+            "records now do. Record it again."
+        )
+    return name, make_controller(name, nominal, record.dt, made.get("gains"))
+
+
+def _pd(record: Record, nominal: Joint) -> Law:
+    """Return PD control with the gains that stand in a record by themselves."""
+    from cjt_gym.baselines import PdFeedForward
     from cjt_gym.plant import limits_of
 
     made = record.provenance
-    given = next((agent.name for agent in agents if agent.kind == "classical"), None)
-    name = made.get("controller", None if "policy" in made else given)
-    if not isinstance(name, str) or not (name in CONTROLLERS or is_composed(name)):
-        return None
-    if name == "pd_feedforward" and {"kp", "kd"} <= set(made):
-        limit = limits_of(nominal).tau
-        side = made.get("derivative", "error")
-        gain = float(made.get("command_gain", 1.0))
-        law = PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit / gain)
-        law.command_gain = gain
-        return name, law
-    return name, make_controller(name, nominal, record.dt, made.get("gains"))
+    gain = float(made.get("command_gain", 1.0))
+    side, limit = made.get("derivative", "error"), limits_of(nominal).tau / gain
+    law = PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit)
+    law.command_gain = gain
+    return law
 
 
 def _plain(replay: ClosedLoop) -> dict[str, Any]:

@@ -8,6 +8,7 @@ brings it in, and the gains of such a controller are named after it, PATH.py:NAM
 
 from __future__ import annotations
 
+import tomllib
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -30,12 +31,19 @@ from cjt_gym.errors import (
     MissingFileError,
     unknown_name,
 )
-from cjt_gym.joint import Joint
+from cjt_gym.joint import Joint, get_structure
+from cjt_gym.joint import to_toml as joint_text
+from cjt_gym.joint.build import file_of
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.files.joint_file import joint_file_of
+from cjt_gym.records import Record
 
 KEYS = ("controller", "gains", "tuned")
 ENDING, WITH = ".toml", "@"
 KNOWN_BY = ("kp", "kd", "derivative", "command_gain")
 """What a controller is known by in the provenance of a record, where it has it."""
+DESIGNED_ON = "designed_on"
+"""In the provenance of a record: the joint, as a joint file, that its controller was made for."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +191,26 @@ def read_gains(path: str | Path, own: str | None = None) -> Choice:
     return Choice(file.stem, controller, gains, data.get("tuned", {}))
 
 
-def gains_in_record(law: object) -> dict[str, Any]:
-    """Return the controller that the provenance of a record states."""
-    return {name: getattr(law, name) for name in KNOWN_BY if hasattr(law, name)}
+def law_in_record(choice: Choice, joint: Joint, law: object) -> dict[str, Any]:
+    """Return what the provenance of a record states of a controller: enough to make it again.
+
+    Args:
+        choice: The controller, with a value for every gain.
+        joint: The joint that it was made for.
+        law: What was made of them.
+    """
+    known = {name: getattr(law, name) for name in KNOWN_BY if hasattr(law, name)}
+    gains = {"gains": dict(choice.gains)} if choice.gains else {}
+    on = tomllib.loads(joint_text(replace(file_of(joint), found={})))
+    return {"controller": choice.controller, **known, **gains, DESIGNED_ON: on}
+
+
+def law_of_record(record: Record) -> Controller:
+    """Return the controller that made a record, from what `law_in_record` wrote there."""
+    made = record.provenance
+    file = joint_file_of(to_toml(made[DESIGNED_ON]), f"{DESIGNED_ON} of {record.owner}")
+    structure, drive = get_structure(str(file.structure)), str(file.drive)
+    joint = Joint(file, structure.name, drive, resolve_effects(None, file, structure, drive))
+    law = make_controller(made["controller"], joint, record.dt, made.get("gains"))
+    law.command_gain = float(made.get("command_gain", 1.0))
+    return law

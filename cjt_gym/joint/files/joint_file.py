@@ -133,7 +133,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
             from cjt_gym.joint.files.toolbox_files import read_toolbox
 
             return read_toolbox(name_or_path)
-        return _parsed(read_joint_text(path), str(name_or_path))
+        return joint_file_of(read_joint_text(path), str(name_or_path))
     name = str(name_or_path)
     try:
         check_name("joint", name, joint_names())
@@ -142,7 +142,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
             raise
         raise UnknownNameError(f"{error} For the file in this folder, give {name}.toml.") from None
     text = (resources.files("cjt_gym.params") / f"{name}.toml").read_text(encoding="utf-8")
-    return _parsed(text, f"params/{name}.toml")
+    return joint_file_of(text, f"params/{name}.toml")
 
 
 def to_toml(joint_file: JointFile) -> str:
@@ -209,7 +209,7 @@ def read_joint_text(path: Path) -> str:
         ) from error
 
 
-def _parsed(text: str, origin: str) -> JointFile:
+def joint_file_of(text: str, origin: str) -> JointFile:
     """Return the joint file for a text, or raise all of its mistakes at once."""
     mistakes = Mistakes(origin)
     content = parse_document(text, origin, mistakes)
