@@ -16,15 +16,22 @@ import pytest
 
 from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.joint import load_joint
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.evaluation.rollout import run_episodes
 from cjt_gym.training.learning.algorithms import make_environment, make_model
 from cjt_gym.training.learning.callbacks import load_replay, restore, save_replay
-from cjt_gym.training.learning.config import PolicyConfig, TrainConfig
+from cjt_gym.training.learning.config import PolicyConfig, TrainConfig, environment_arguments
 from cjt_gym.training.learning.distributed import train_seeds
 from cjt_gym.training.learning.policy import load_policy
-from cjt_gym.training.learning.run_folder import RunFolder, TrainingError, open_run
+from cjt_gym.training.learning.run_folder import (
+    RunFolder,
+    TrainingError,
+    begin_run,
+    open_run,
+)
 from cjt_gym.training.learning.train import train
+from cjt_gym.training.tuning.gains import write_gains
 
 
 def test_a_run_folder_holds_what_is_needed_to_repeat_it(
@@ -50,6 +57,21 @@ def test_a_run_folder_holds_what_is_needed_to_repeat_it(
     rows = finished.progress()
     assert [row["steps"] for row in rows] == [1024, 2048]
     assert all(row["validation_rmse"] > 0.0 and row["rmse"] > 0.0 for row in rows)
+
+
+def test_a_run_keeps_the_gains_of_its_gain_file(tiny: TrainConfig, tmp_path: Path) -> None:
+    gains, out = {"kp": 0.3, "kd": 0.004, "lead": 1.0}, tmp_path / "run"
+    path = write_gains(tmp_path / "pid.toml", "pd_feedforward", gains, {})
+    config = replace(tiny, env={**tiny.env, "base_controller": str(path)})
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox")
+    begin_run(out, config, joint)
+    assert begin_run(out, config, joint).path == out, "the same configuration goes on"
+    write_gains(path, "pd_feedforward", {**gains, "kp": 0.2}, {})
+    with pytest.raises(ConfigurationError, match="differs in env"):
+        begin_run(out, config, joint)
+    path.unlink()
+    law = environment_arguments(open_run(out).config.env)["base_controller"](joint, 1e-3)
+    assert (law.kp, law.kd) == (0.3, 0.004)
 
 
 @pytest.mark.parametrize("structure", ["output_fixed_rigid_gearbox", "full_dynamics"])

@@ -22,8 +22,10 @@ from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.joint.configure import plain_effects
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.training.learning.config import (
+    BASE_GAINS,
     VALIDATION_SEEDS,
     TrainConfig,
+    base_of,
     environment_arguments,
     load_config,
 )
@@ -60,7 +62,8 @@ class TrainingError(CjtGymError, RuntimeError):
 class RunFolder:
     """A folder made by cjt-gym.
 
-    It holds `config.toml` (and `joint.toml` if the joint came from a file), `randomization.toml`
+    It holds `config.toml` (with the gains of a gain file spelt out, and `joint.toml` beside it if
+    the joint came from a file), `randomization.toml`
     (every variation of the joint, fully spelt out, as [env.randomization] takes it), `run.json`
     (status, seeds, versions, git revision, parameter hash), `model.zip` (the model that was best in
     validation), `normalization.npz` where observations or rewards were normalised, `progress.csv`,
@@ -184,13 +187,22 @@ def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
         return run
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
     name, written = config.env.get("joint", ""), config.to_dict()
+    written["env"] = _without_gain_file(written["env"])
     if str(name).endswith(".toml"):
         shutil.copyfile(str(name), folder / "joint.toml")
-        written = {**written, "env": {**written["env"], "joint": "joint.toml"}}
+        written["env"]["joint"] = "joint.toml"
     write_text(folder / "config.toml", to_toml(written))
     write_text(folder / "randomization.toml", to_toml(resolved_randomization(config, joint)))
     write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
     return RunFolder(folder)
+
+
+def _without_gain_file(env: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a section [env] in which the gains of a gain file stand themselves."""
+    base = base_of(env)
+    if base is None or not base.gains:
+        return dict(env)
+    return {**env, "base_controller": base.controller, BASE_GAINS: dict(base.gains)}
 
 
 def resolved_randomization(config: TrainConfig, joint: Joint) -> dict[str, dict[str, Any]]:
@@ -275,6 +287,7 @@ def _check_same(run: RunFolder, config: TrainConfig) -> None:
 
 def _comparable(config: TrainConfig) -> dict[str, Any]:
     data: dict[str, Any] = json.loads(json.dumps(config.to_dict()))
+    data["env"] = _without_gain_file(data["env"])
     if str(data["env"].get("joint", "")).endswith(".toml"):
         data["env"]["joint"] = load_joint_file(Path(data["env"]["joint"])).hash_hex()
     return data
