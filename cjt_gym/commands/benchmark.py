@@ -19,7 +19,8 @@ from cjt_gym.console.options import (
     structures_of,
     tell_effects,
 )
-from cjt_gym.errors import ConfigurationError, check_range
+from cjt_gym.errors import CjtGymError, ConfigurationError, check_range
+from cjt_gym.joint import load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.records.repair_notes import counted
 from cjt_gym.training.benchmark.cluster import BACKENDS
@@ -132,9 +133,18 @@ def _tell(results: list[dict[str, Any]]) -> None:
     for agent, joint, structure in dict.fromkeys(
         (r["agent"], r["cell"]["joint"], r["cell"]["structure"]) for r in results
     ):
-        if agent in homes and list(homes[agent]) != [joint, structure]:
-            home = ", ".join(homes[agent])
-            sys.stderr.write(f"{agent} was trained on {home}, and runs on {joint}, {structure}.\n")
+        home = homes.get(agent, (joint, structure))
+        if home[1] != structure or not _is_same_joint(home[0], joint):
+            where = ", ".join(home)
+            sys.stderr.write(f"{agent} was trained on {where}, and runs on {joint}, {structure}.\n")
+
+
+def _is_same_joint(one: str, other: str) -> bool:
+    """Return whether two names or files are of the same joint; not where one cannot be read."""
+    try:
+        return one == other or load_joint_file(one).hash_hex() == load_joint_file(other).hash_hex()
+    except CjtGymError:
+        return False
 
 
 def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[str]:

@@ -13,7 +13,9 @@ import pytest
 
 from cjt_gym.baselines.shipped import FOLDER
 from cjt_gym.cli import main
+from cjt_gym.commands.benchmark import _tell
 from cjt_gym.errors import ConfigurationError, UnknownNameError
+from cjt_gym.joint import load_joint_file, to_toml
 from cjt_gym.training.benchmark import grid
 from cjt_gym.training.benchmark.code_hash import code_hash, sources
 from cjt_gym.training.benchmark.grid import Cell, make_cells, run_cell, run_grid
@@ -252,3 +254,15 @@ def test_a_listed_effect_stands_for_what_it_excludes(tmp_path: Path) -> None:
     effects = joint_of(cell.conditions()).effects
     assert "coulomb_asym" in effects
     assert "coulomb" not in effects
+
+
+def test_a_policy_is_at_home_on_a_copy_of_its_joint(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, copy, other = (tmp_path / f"{name}.toml" for name in ("first", "copy", "other"))
+    for path, joint in ((first, JOINT), (copy, JOINT), (other, "lemon_50_6000")):
+        path.write_text(to_toml(load_joint_file(joint)), encoding="utf-8")
+    for joint in (copy, other):
+        cell = {"joint": str(joint), "structure": FIXED}
+        _tell([{"agent": "a", "status": "done", "cell": cell, "trained_on": [str(first), FIXED]}])
+        assert ("was trained on" in capsys.readouterr().err) == (joint is other)
