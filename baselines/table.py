@@ -96,16 +96,21 @@ def make_controller(name: str, joint: Joint, dt: float, gains: Gains | None = No
     """Return the controller of that name.
 
     Args:
-        name: See `get_entry`.
+        name: See `get_entry`; or a gain file, FILE.toml or PATH.py:NAME@FILE.toml.
         joint: The joint that it is for.
         dt: Sample time [s].
-        gains: Gains that replace its defaults, by name; see `ControllerEntry.tunable`.
+        gains: Gains that replace its own, by name; see `ControllerEntry.tunable`.
 
     Raises:
         UnknownNameError: There is no controller, or no gain, of that name.
+        MissingFileError: There is no such file.
         ConfigurationError: The law does not fit the joint or the sample time, or a gain is out
             of its range.
     """
+    if name.endswith(".toml"):
+        from cjt_gym.training.tuning.gains import choose  # which stands on this table
+
+        return choose(name).with_gains(gains or {}).make(joint, dt)
     entry = get_entry(name)
     entry.check_structure(joint)
     entry.check_gains(gains or {})

@@ -44,7 +44,7 @@ class TaskArguments:
         None, '"mild", "wide", "identified" or {name: variation}, see below'
     )
     base_controller: ControllerOrFactory | None = _told(
-        None, "name of a controller, controller, or function (joint, dt) -> one"
+        None, "name of a controller, gain file, controller, or function (joint, dt) -> one"
     )
     reference: Any = _told(
         "mixed",

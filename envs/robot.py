@@ -87,7 +87,7 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `joint` | "orange_80_6000" | name, path or `Joint` with a fixed output, for all actuators |
     | `effects` | None | as in `TorqueTrackingEnv` |
     | `randomization` | None | as for `CJT/TorqueTracking-v0` |
-    | `base_controller` | None | name of a controller, or function (joint, dt) -> controller |
+    | `base_controller` | None | name of a controller, gain file, or function (joint, dt) -> one |
     | `action_scale` | 60 | torque of an action of 1 [N m] |
     | `decimation` | 5 | time steps of 1 ms per action |
     | `episode_steps` | 600 | actions until truncation |

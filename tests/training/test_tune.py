@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -127,6 +128,26 @@ def test_a_gain_file_serves_wherever_a_controller_is_named(
     assert known["controller"] == "pd_feedforward"
     assert known["gains"] == GAINS
     capsys.readouterr()
+
+
+def test_python_takes_a_gain_file_for_a_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_gains(Path("soft.toml"), "pd_feedforward", GAINS, {})
+    code = "from cjt_gym.baselines import PdFeedForward, Gain\n"
+    code += "def law(joint, dt, kp): return PdFeedForward(kp, 0.0, dt)\n"
+    code += "law.tunable = (Gain('kp', '-', 0.0, 2.0, usual=0.4),)\n"
+    Path("mine.py").write_text(code, encoding="utf-8")
+    write_gains(Path("mine.toml"), "mine.py:law", {"kp": 0.7}, {})
+    joint = joint_of(realistic_conditions(JOINT))
+    for word, kp in (("soft.toml", 0.3), ("mine.py:law@mine.toml", 0.7)):
+        assert make_controller(word, joint, 1e-3).kp == kp
+        assert make_controller(word, joint, 1e-3, {"kp": 0.1}).kp == 0.1
+        env = gymnasium.make("CJT/TorqueTracking-v0", base_controller=word)
+        assert env.unwrapped.episodes.controller.kp == kp
+    with pytest.raises(MissingFileError, match=r"The gain file sofd\.toml does not exist"):
+        make_controller("sofd.toml", joint, 1e-3)
 
 
 def test_an_agent_designs_its_controller_once_for_a_joint() -> None:
