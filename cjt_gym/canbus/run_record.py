@@ -174,6 +174,7 @@ class JointRecord:
                 "bus": self._config.bus.identity,
                 "torque": self._sense.torque,
                 "stamps": stamps,
+                "soft_s": self._config.soft,
                 **self._facts,
             },
         }

@@ -116,3 +116,11 @@ def test_no_other_law_stands_in_for_one_that_is_not_known(
 ) -> None:
     with pytest.raises(ConfigurationError, match=told):
         recorded_law(replace(record, provenance=made), joints[0], ())
+
+
+def test_a_run_that_fades_in_is_replayed_so(record: Record, joints: tuple[Joint, Joint]) -> None:
+    soft = replace(record, provenance={"soft_s": 0.5})
+    plain, faded = (replay_closed_loop(r, joints[1], law_of_nothing()) for r in (record, soft))
+    share = np.minimum((record.t + record.dt) / 0.5, 1.0)
+    assert faded["tau_cmd"] == pytest.approx(share * plain["tau_cmd"])
+    assert share[400] < 1.0

@@ -165,6 +165,8 @@ def _replay(
 
     name, law = recorded_law(record, nominal, agents)
     begin = int((1.0 - TAIL) * len(record)) if was_fitted else 0
+    fading = round(float(record.provenance.get("soft_s", 0.0)) / record.dt)
+    record = record.slice(stop=len(record) - fading)  # no law commands the fade-out of a run
     sensor = nominal.file.sensors.get("tau", {})
     noise, step = (np.max(sensor[k].value) if k in sensor else 0.0 for k in ("noise", "resolution"))
     scatter = float(np.hypot(noise, step / np.sqrt(12.0)))

@@ -49,10 +49,11 @@ def replay_closed_loop(record: Record, joint: Joint, controller: Law) -> Mapping
     start = np.zeros((1, 6))
     start[0, :3] = record["q_m"][0] if "q_m" in record else 0.0
     controller.reset()
+    share = _share(record)
     measured = plant.reset(seed=0, start=start, load=load[:1])
     rows = {name: np.zeros(len(record)) for name in CHANNELS}
     for k in range(len(record)):
-        command = controller.act(measured, reference[k : k + 1])
+        command = share[k] * controller.act(measured, reference[k : k + 1])
         for name in ("tau", "q_m", "dq_m"):
             rows[name][k] = getattr(measured, name)[0]
         rows["tau_cmd"][k] = command[0]
@@ -72,6 +73,13 @@ def _check(record: Record) -> None:
             f"{', '.join(NEEDED)} of {record.owner} must be finite to be replayed in a closed "
             "loop, got NaN. Take a part of the record without missing samples."
         )
+
+
+def _share(record: Record) -> Floats:
+    """Return which part of a command acts: `soft_s` of a record is the time of its fade-in [s]."""
+    soft = float(record.provenance.get("soft_s", 0.0))
+    rising = (record.t + record.dt) / soft if soft > 0.0 else np.ones(len(record))
+    return np.minimum(rising, 1.0)
 
 
 def _load(record: Record, joint: Joint) -> Floats:
