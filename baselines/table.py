@@ -108,7 +108,7 @@ def make_controller(name: str, joint: Joint, dt: float, gains: Gains | None = No
             of its range.
     """
     if name.endswith(".toml"):
-        from cjt_gym.training.tuning.gains import choose  # which stands on this table
+        from cjt_gym.baselines.gains import choose  # which stands on this table
 
         return choose(name).with_gains(gains or {}).make(joint, dt)
     entry = get_entry(name)

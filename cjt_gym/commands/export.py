@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.baselines.compose import is_composed
+from cjt_gym.baselines.gains import choose, files_of
 from cjt_gym.baselines.observers import OBSERVERS, make_observer
 from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -26,7 +27,6 @@ from cjt_gym.export.c_files import Header, controller_to_c, observer_to_c
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.records import read_record
 from cjt_gym.training.deploy.shipped import policy_names
-from cjt_gym.training.tuning.gains import choose, files_of
 
 FORMS = ("onnx", "numpy", "c")
 """Forms of an exported policy; controllers and observers are written in C."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.baselines.gains import choose, files_of, law_in_record
 from cjt_gym.baselines.table import CONTROLLER_HELP
 from cjt_gym.console import Answer
 from cjt_gym.console.options import (
@@ -39,7 +40,6 @@ from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.records.files import gear_ratio_of
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
-from cjt_gym.training.tuning.gains import choose, files_of, law_in_record
 
 TRACKING, NONE = "pd_feedforward", "none"
 """The default controller, and the name for no controller at all."""

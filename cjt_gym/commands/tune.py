@@ -13,6 +13,7 @@ from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import get_entry
+from cjt_gym.baselines.gains import WITH, choose, read_gains, write_gains
 from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.table import CONTROLLER_HELP
 from cjt_gym.console import Answer
@@ -28,7 +29,6 @@ from cjt_gym.errors import ConfigurationError, check_name, check_range
 from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
 from cjt_gym.training.evaluation.rollout import joint_of
-from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
 from cjt_gym.training.tuning.limits import Limits
 from cjt_gym.training.tuning.problem import Search
 from cjt_gym.training.tuning.tune import Outcome, tune

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from cjt_gym.baselines import Controller
+from cjt_gym.baselines.gains import Choice, choose
 from cjt_gym.baselines.linear_law import LinearLaw
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import SPARE_DELAY, is_stable
@@ -32,7 +33,6 @@ from cjt_gym.signals import sampled_signal
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.shipped import load_agent
 from cjt_gym.training.evaluation.conditions import Conditions
-from cjt_gym.training.tuning.gains import Choice, choose
 
 BUS_DELAYS: Final = ("command_delay", "measurement_delay")
 """Effects that delay a loop as a bus does, so that they are measured before a run."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cjt_gym.baselines.gains import choose
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.experiments import (
     EXPERIMENTS,
@@ -25,7 +26,6 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.records import Record, part_of, read_record, record_names
 from cjt_gym.signals import make_signals, signal_of_record
-from cjt_gym.training.tuning.gains import choose
 
 NONE, TRACKING = "none", "pd_feedforward"
 APART = 1000

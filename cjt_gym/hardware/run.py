@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.baselines import Controller
+from cjt_gym.baselines.gains import law_in_record
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Watcher
@@ -17,7 +18,6 @@ from cjt_gym.hardware.delayed_law import PolicyLaw, designed_for, law_for
 from cjt_gym.hardware.jobs import NONE, Job, Run
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.training.evaluation.metrics import rms
-from cjt_gym.training.tuning.gains import law_in_record
 
 Law = Controller | PolicyLaw
 """What commands a joint."""

@@ -9,11 +9,11 @@ from typing import Any, Final
 
 from joblib import Parallel, delayed
 
+from cjt_gym.baselines.gains import choose
 from cjt_gym.joint import get_structure, joint_names, load_joint_file
 from cjt_gym.training.evaluation.conditions import realistic_effects
 from cjt_gym.training.learning.config import TrainConfig, load_config
 from cjt_gym.training.learning.train import train
-from cjt_gym.training.tuning.gains import choose
 
 Say = Callable[[str], None]
 STRUCTURES: Final = ("output_fixed_rigid_gearbox", "rigid_gearbox")

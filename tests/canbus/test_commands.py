@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cjt_gym.baselines.gains import law_of_record, write_gains
 from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
 from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
@@ -22,7 +23,6 @@ from cjt_gym.hardware.beside_simulation import side_by_side
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.deploy.shipped import policy_names
-from cjt_gym.training.tuning.gains import law_of_record, write_gains
 from tests.canbus.bench import config, document
 from tests.canbus.soak import emulator, free_port
 from tests.canbus.test_buses import PATIENT

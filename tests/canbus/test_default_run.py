@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cjt_gym import disk
+from cjt_gym.baselines.gains import law_in_record, write_gains
 from cjt_gym.baselines.pd_feedforward import ROW as PD
 from cjt_gym.baselines.robust import SPARE_DELAY
 from cjt_gym.canbus.config import HardwareConfig
@@ -26,7 +27,6 @@ from cjt_gym.joint.build import file_of
 from cjt_gym.plant import Measurement
 from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.evaluation.after_diagnosis import recorded_law
-from cjt_gym.training.tuning.gains import law_in_record, write_gains
 from tests.canbus.bench import config, document, virtual_plant
 
 CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")

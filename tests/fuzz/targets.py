@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from cjt_gym.baselines.gains import read_gains
 from cjt_gym.canbus.config import load_joints
 from cjt_gym.errors import CjtGymError
 from cjt_gym.joint import load_joint
@@ -28,7 +29,6 @@ from cjt_gym.training.deploy.stepper import Stepper
 from cjt_gym.training.learning.config import load_config
 from cjt_gym.training.learning.run_folder import open_run
 from cjt_gym.training.learning.runs import row_of
-from cjt_gym.training.tuning.gains import read_gains
 from tests.training.test_hostile_policies import policy
 
 Parts = tuple[bytes, ...]

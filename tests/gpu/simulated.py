@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from cjt_gym.baselines.gains import choose
 from cjt_gym.joint import Joint
-from cjt_gym.training.tuning.gains import choose
 
 NUM, STEPS, EPISODE, SEED = 3, 9, 6, 3
 PD: Any = {"base_controller": choose("pd_feedforward").make}

@@ -15,6 +15,7 @@ import pytest
 import torch
 from numba import cuda
 
+from cjt_gym.baselines.gains import choose
 from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.pd_feedforward import PdFeedForward
 from cjt_gym.errors import ConfigurationError, UnknownNameError
@@ -23,7 +24,6 @@ from cjt_gym.joint.kernel.arrays import CHANNELS
 from cjt_gym.plant import Measurement
 from cjt_gym.training.gpu import HostEpisodes, make_episodes
 from cjt_gym.training.gpu.device import DeviceEpisodes, TorchLaw
-from cjt_gym.training.tuning.gains import choose
 
 HERE = Path(__file__).parent
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import torch
 
+from cjt_gym.baselines.gains import choose
 from cjt_gym.training.gpu import make_episodes
-from cjt_gym.training.tuning.gains import choose
 
 pytest.importorskip("skrl")
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from cjt_gym.baselines.gains import Choice
 from cjt_gym.errors import CjtGymWarning
 from cjt_gym.joint import load_joint
 from cjt_gym.params import __file__ as params
-from cjt_gym.training.tuning.gains import Choice
 
 STRUCTURE = "output_fixed_rigid_gearbox"
 

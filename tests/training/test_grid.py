@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym.baselines.gains import write_gains
 from cjt_gym.baselines.shipped import FOLDER
 from cjt_gym.cli import main
 from cjt_gym.commands.benchmark import _tell
@@ -24,7 +25,6 @@ from cjt_gym.training.evaluation.conditions import realistic_conditions
 from cjt_gym.training.evaluation.ranking import rank
 from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, run_task
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS, get_task
-from cjt_gym.training.tuning.gains import write_gains
 
 JOINT, FIXED, FREE = "orange_80_6000", "output_fixed_rigid_gearbox", "rigid_gearbox"
 

@@ -12,11 +12,11 @@ import pytest
 from cjt_gym import load_joint
 from cjt_gym.baselines import Controller, PdFeedForward, make_controller
 from cjt_gym.baselines.compose import is_composed
+from cjt_gym.baselines.gains import choose
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, UnknownNameError
 from cjt_gym.training.benchmark.grid import Cell
 from cjt_gym.training.learning.config import environment_arguments
-from cjt_gym.training.tuning.gains import choose
 
 JOINT = "orange_80_6000"
 LAW = '''

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cjt_gym.baselines.gains import write_gains
 from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, MissingFileError
 from cjt_gym.joint import load_joint
@@ -31,7 +32,6 @@ from cjt_gym.training.learning.run_folder import (
     open_run,
 )
 from cjt_gym.training.learning.train import train
-from cjt_gym.training.tuning.gains import write_gains
 
 
 def test_a_run_folder_holds_what_is_needed_to_repeat_it(

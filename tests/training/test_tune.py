@@ -13,6 +13,7 @@ import pytest
 from cjt_gym.analysis import probe_plant
 from cjt_gym.analysis.probe import linear_joint
 from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
+from cjt_gym.baselines.gains import choose, read_gains, write_gains
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymWarning, ConfigurationError, MissingFileError, UnknownNameError
@@ -20,7 +21,6 @@ from cjt_gym.records import read_record
 from cjt_gym.training.evaluation.conditions import EVALUATION_SEEDS, realistic_conditions
 from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of
 from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
-from cjt_gym.training.tuning.gains import choose, read_gains, write_gains
 from cjt_gym.training.tuning.limits import Assessment, Limits, _by_simulation, _noise, assess
 from cjt_gym.training.tuning.problem import HELD_OUT_SEEDS, TUNING_SEEDS, Search
 from cjt_gym.training.tuning.tune import to_gains, to_point, tune

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_rendered
+from cjt_gym.baselines.gains import files_of
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, SimulationError, check_name
 from cjt_gym.joint import get_structure, load_joint_file
@@ -42,7 +43,6 @@ from cjt_gym.training.evaluation.metrics import (
 )
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.evaluation.tasks import get_task
-from cjt_gym.training.tuning.gains import files_of
 from cjt_gym.training.tuning.limits import port_resistance
 
 SHOWN_POINTS = 500  # of a curve, which is drawn about as many pixels wide

@@ -181,9 +181,9 @@ def recorded_law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tup
         ConfigurationError: The law that made the record is not known.
     """
     from cjt_gym.baselines import get_entry, make_controller
+    from cjt_gym.baselines.gains import DESIGNED_ON, law_of_record
     from cjt_gym.baselines.own import is_own
     from cjt_gym.training.evaluation.rollout import ControllerAgent
-    from cjt_gym.training.tuning.gains import DESIGNED_ON, law_of_record
 
     made, owner = record.provenance, record.owner
     given = [agent.choice for agent in agents if isinstance(agent, ControllerAgent)]

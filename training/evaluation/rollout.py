@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller
+from cjt_gym.baselines.gains import Choice, choose
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
 from cjt_gym.joint.kernel.arrays import DQ_L, Q_L, TAU, Floats
@@ -17,7 +18,6 @@ from cjt_gym.records import Record
 from cjt_gym.signals import Signal
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.evaluation.tasks import Rendering, Setting, get_task
-from cjt_gym.training.tuning.gains import Choice, choose
 
 STILL = 3
 """Episodes with a still output for one in which it is moved."""

@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.baselines.gains import Choice, choose_listed
 from cjt_gym.disk import read_toml
 from cjt_gym.envs.arguments import complete
 from cjt_gym.errors import (
@@ -20,7 +21,6 @@ from cjt_gym.errors import (
     did_you_mean,
     unknown_name,
 )
-from cjt_gym.training.tuning.gains import Choice, choose_listed
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
 ACTIVATIONS = ("tanh", "relu", "elu")

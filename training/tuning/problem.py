@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.analysis import LinearPlant, probe_plant
+from cjt_gym.baselines.gains import Choice
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.baselines.table import CONTROLLERS, get_entry
 from cjt_gym.envs.settings import stated_by_joint
@@ -18,7 +19,6 @@ from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
 from cjt_gym.training.evaluation.metrics import RESAMPLES, squared_errors
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_mixed
 from cjt_gym.training.evaluation.tasks import get_task
-from cjt_gym.training.tuning.gains import Choice
 from cjt_gym.training.tuning.limits import Assessment, Limits, assess
 
 TUNING_SEEDS = 600_000
