@@ -14,6 +14,7 @@ from cjt_gym.analysis import probe_plant
 from cjt_gym.analysis.probe import linear_joint
 from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
 from cjt_gym.baselines.gains import choose, read_gains, write_gains
+from cjt_gym.baselines.own import OwnController
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymWarning, ConfigurationError, MissingFileError, UnknownNameError
@@ -99,6 +100,17 @@ def test_a_law_that_is_not_linear_is_assessed_by_simulation() -> None:
     assert found.stable
     assert found.port_share is None
     assert found.noise_amplification > 0.0
+
+
+def test_a_linear_law_of_ones_own_has_margins_and_a_port() -> None:
+    joint = linear_joint(joint_of(realistic_conditions(JOINT)))
+    plant, law = probe_plant(joint, 1e-3), PdFeedForward(0.3, 0.004, 1e-3)
+    own = assess(OwnController(law, "own.py:Own", 1e-3, law.torque_limit), joint, plant, 1.0)
+    shipped = assess(law, joint, plant, 1.0)
+    assert own.linear
+    assert own.phase_margin == pytest.approx(shipped.phase_margin)
+    assert own.port_share == pytest.approx(shipped.port_share)
+    assert own.noise_amplification == pytest.approx(shipped.noise_amplification, rel=0.2)
 
 
 @pytest.mark.parametrize("name", ["friction_feedforward", "adaptive_friction"])

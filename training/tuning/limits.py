@@ -138,7 +138,7 @@ def assess(law: Controller, joint: Joint, plant: LinearPlant, amplitude: float) 
     sampled = SampledJoint(joint, plant.dt)
     robust = law.linear is None or is_robust(sampled, law.linear)
     model = probe_law(law, joint, plant.dt)
-    if not model.is_linear or law.linear is None:
+    if not model.is_linear:
         return replace(_by_simulation(law, joint, plant.dt, amplitude), robust=robust)
     loop, port = Loop(model, plant), port_resistance(joint)
     found = figures_of(loop)
@@ -152,7 +152,9 @@ def assess(law: Controller, joint: Joint, plant: LinearPlant, amplitude: float) 
         found.phase_margin,
         found.delay_margin,
         found.sensitivity_peak,
-        noise_gain(sampled.loop, law.linear),
+        _noise(law, joint, plant.dt)
+        if law.linear is None
+        else noise_gain(sampled.loop, law.linear),
         found.port_shortage / port if port > 0.0 else None,  # no spring, no port
         found.bandwidth_hz,
         robust,
