@@ -10,6 +10,7 @@ from typing import Any
 
 from cjt_gym.console import Answer
 from cjt_gym.console.joint_tables import TABLES, detail_lines, summary_lines
+from cjt_gym.console.options import drive_of, structure_of
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import (
     DRIVES,
@@ -20,8 +21,10 @@ from cjt_gym.joint import (
     joint_names,
     load_joint_file,
 )
+from cjt_gym.joint.configure import check_effects
 from cjt_gym.joint.effects import PLACES
 from cjt_gym.joint.files.joint_file import is_path
+from cjt_gym.joint.structures import get_structure
 from cjt_gym.records import read_record, record_names
 
 
@@ -42,6 +45,10 @@ def chosen(what: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
     """Return the tables, or the rows, of those names; all tables where none is named."""
     tables = describe()
     paths = [word for word in what if is_path(word)]
+    for path in paths:
+        check_effects(
+            load_joint_file(path), get_structure(structure_of(path, None)), drive_of(path, None)
+        )
     tables["joints"] += [_joint(path) | {"name": path} for path in paths]
     names = {row["name"] for rows in tables.values() for row in rows}
     for word in what:

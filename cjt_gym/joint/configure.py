@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import CjtGymWarning, ParameterError, check_name, unknown_name
 from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
-from cjt_gym.joint.files.effect_entries import CHANNEL_VALUES, usual_entries
+from cjt_gym.joint.files.effect_entries import (
+    CHANNEL_VALUES,
+    check_lengths,
+    checked_value,
+    usual_entries,
+)
 from cjt_gym.joint.files.joint_file import JointFile
 from cjt_gym.joint.files.mistakes import Mistakes
 from cjt_gym.joint.files.parameters import JointParameters, Quantity
@@ -99,6 +104,18 @@ def resolve_effects(
     return resolved
 
 
+def check_effects(file: JointFile, structure: Structure, drive: str) -> None:
+    """Raise all mistakes in the effects that a joint file lists at once."""
+    mistakes = Mistakes(file.parameters.origin)
+    for name in file.effects:
+        if EFFECTS[name].acts_in(structure, drive):
+            with mistakes.collected():
+                _resolve_one(EFFECTS[name], {}, file, typical=False)
+    with mistakes.collected():
+        resolve_effects(None, file, structure, drive)
+    mistakes.check()
+
+
 def _lacks_nominal(effect: Effect, p: JointParameters) -> bool:
     """Whether an effect replaces a parameter that the joint does not have."""
     replaced = [x.relative_to for x in effect.parameters if x.replaces and x.low > 0.0]
@@ -172,7 +189,7 @@ def _resolve_one(
             value = _fallback(effect, parameter, merged, file, typical=typical)
             if typical and np.all(np.asarray(value) == off_value(parameter, file.parameters)):
                 value = typical_value(parameter, file.parameters)
-        result[parameter.symbol] = _checked(effect, parameter, value, file)
+        result[parameter.symbol] = checked_value(effect, parameter, value, file.parameters.origin)
     _check_whole(effect, result, set(effect.size) if typical else set(merged), file)
     return result
 
@@ -251,29 +268,6 @@ def _fallback(
     )
 
 
-def _checked(
-    effect: Effect, parameter: EffectParameter, value: Any, file: JointFile
-) -> EffectValue:
-    where = f"{effect.name}.{parameter.symbol} of {file.parameters.origin}"
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.array(np.nan)
-    if numbers.ndim > int(parameter.series) or not np.isfinite(numbers).all():
-        kind = "a list of finite numbers" if parameter.series else "a finite number"
-        raise ParameterError(f"{where} must be {kind} [{parameter.unit}], got {value!r}.")
-    if parameter.series:
-        return tuple(np.atleast_1d(numbers).tolist())
-    number = float(numbers)
-    low, strict, high = effect.domain(parameter)
-    if number < low or (strict and number == low):
-        sign = ">" if strict else ">="
-        raise ParameterError(f"{where} must be {sign} {low:g} {parameter.unit}, got {number:g}.")
-    if number > high:
-        raise ParameterError(f"{where} must be <= {high:g} {parameter.unit}, got {number:g}.")
-    return number
-
-
 def _is_idle(effect: Effect, values: EffectValues, p: JointParameters) -> bool:
     size = [parameter for parameter in effect.parameters if parameter.symbol in effect.size]
     return all(np.all(np.asarray(values[x.symbol]) == off_value(x, p)) for x in size)
@@ -282,12 +276,7 @@ def _is_idle(effect: Effect, values: EffectValues, p: JointParameters) -> bool:
 def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: JointFile) -> None:
     """Reject series of unequal length, and effects without any known value."""
     owner = file.parameters.origin
-    series = {p.symbol: values[p.symbol] for p in effect.parameters if p.series}
-    lengths = {symbol: len(v) for symbol, v in series.items() if isinstance(v, tuple)}
-    if len(set(lengths.values())) > 1:
-        raise ParameterError(
-            f"The series of effect {effect.name} of {owner} must be of equal length, got {lengths}."
-        )
+    check_lengths(effect, values, owner)
     if not _is_idle(effect, values, file.parameters) or given & set(effect.size):
         return
     size = [p for p in effect.parameters if p.symbol in effect.size]
@@ -320,7 +309,9 @@ def is_known(effect: Effect, file: JointFile) -> bool:
     if all(stated_by_file(p, file) is None for p in size):
         return False
     values = {
-        p.symbol: _checked(effect, p, _fallback(effect, p, {}, file, typical=False), file)
+        p.symbol: checked_value(
+            effect, p, _fallback(effect, p, {}, file, typical=False), file.parameters.origin
+        )
         for p in effect.parameters
     }
     return not _is_idle(effect, values, file.parameters)

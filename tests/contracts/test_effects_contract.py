@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cjt_gym.cli import main
 from cjt_gym.errors import ParameterError, UnknownNameError
 from cjt_gym.joint import (
     DRIVES,
@@ -261,7 +263,7 @@ def test_a_value_that_is_no_number_is_refused(effect: Effect, bad: Any) -> None:
 @ROWS
 def test_a_negative_value_is_refused_where_none_can_be(effect: Effect) -> None:
     for p in effect.parameters:
-        if p.low >= 0.0 and not p.series:
+        if p.low >= 0.0:
             values = typical(effect)
             with pytest.raises(ParameterError, match=f"{effect.name}.{p.symbol}.*>=? 0.*got -"):
                 made(effect, {effect.name: values | {p.symbol: -1.0}})
@@ -276,6 +278,30 @@ def test_effects_that_set_the_same_levels_are_refused_together(name: str, other:
 def test_series_of_unequal_length_are_refused() -> None:
     with pytest.raises(ParameterError, match="equal length"):
         load_joint(NAME, effects={"cogging": {"f": (100.0, 200.0), "a": (0.1,), "b": (0.1,)}})
+
+
+@pytest.mark.parametrize(
+    ("effects", "words"),
+    [
+        (
+            {"current_lag": {"bandwidth": (-300.0, "Hz")}, "cogging": {"f": ((-1.0,), "1/rev")}},
+            ["current_lag.bandwidth of", ">= 0 Hz", "cogging.f of", "> 0 1/rev"],
+        ),
+        (
+            {"command_delay": {}, "cogging": {"f": ((1.0, 2.0), "1/rev"), "a": (1.0, "N m")}},
+            ["command_delay.delay of", "cogging.b of"],
+        ),
+    ],
+)
+def test_a_file_is_shown_all_mistakes_in_the_values_of_its_effects(
+    effects: Any, words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listed = {name: {k: Quantity(*v) for k, v in row.items()} for name, row in effects.items()}
+    path = tmp_path / "wrong.toml"
+    path.write_text(to_toml(replace(load_joint_file(NAME), effects=listed)))
+    assert main(["joints", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert all(word in said for word in ["has 2 mistakes", *words])
 
 
 def test_a_value_without_default_is_asked_for() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from cjt_gym.errors import unknown_name
+import numpy as np
+
+from cjt_gym.errors import ParameterError, unknown_name
 from cjt_gym.joint.effects import EFFECTS, Effect, EffectParameter
 from cjt_gym.joint.files.mistakes import Mistakes
 from cjt_gym.joint.files.parameter_table import axis_units
@@ -48,8 +50,42 @@ def usual_entries(
             if row is not None and isinstance(entry, Quantity):
                 owner = f"{key} of [effects.{effect.name}] of {origin}"
                 entry = in_usual_unit(entry, units_of(row, axis), owner)
+                checked_value(effect, row, entry.value, origin)
             kept[key] = entry
     return kept
+
+
+def checked_value(effect: Effect, parameter: EffectParameter, value: Any, origin: str) -> Any:
+    """Return a value as a float, or a tuple of them for a series, if it is in its domain."""
+    where = f"{effect.name}.{parameter.symbol} of {origin}"
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.array(np.nan)
+    if numbers.ndim > int(parameter.series) or not np.isfinite(numbers).all():
+        kind = "a list of finite numbers" if parameter.series else "a finite number"
+        raise ParameterError(f"{where} must be {kind} [{parameter.unit}], got {value!r}.")
+    low, strict, high = effect.domain(parameter)
+    for number in np.atleast_1d(numbers).tolist():
+        if number < low or (strict and number == low):
+            bound = f"{'>' if strict else '>='} {low:g}"
+        elif number > high:
+            bound = f"<= {high:g}"
+        else:
+            continue
+        raise ParameterError(f"{where} must be {bound} {parameter.unit}, got {number:g}.")
+    return tuple(np.atleast_1d(numbers).tolist()) if parameter.series else float(numbers)
+
+
+def check_lengths(effect: Effect, values: Mapping[str, Any], origin: str) -> None:
+    """Raise an error if the series of an effect are of unequal length."""
+    series = {p.symbol: values.get(p.symbol) for p in effect.parameters if p.series}
+    lengths = {symbol: len(v) for symbol, v in series.items() if isinstance(v, tuple)}
+    if len(set(lengths.values())) > 1:
+        raise ParameterError(
+            f"The series of effect {effect.name} of {origin} must be of equal length, got "
+            f"{lengths}."
+        )
 
 
 def _is_known(effect: Effect, key: str, entries: Mapping[str, Any]) -> bool:
