@@ -21,12 +21,33 @@ from cjt_gym.training.evaluation.metrics import rms
 
 Law = Controller | PolicyLaw
 """What commands a joint."""
+ALIKE, FEWEST = 0.9, 20
+"""Least correlation of torque and deflection, over that many samples at least, from which their
+signs can be told."""
 
 
 def carry_out(
     run: Run, configs: Sequence[HardwareConfig], link: Link | None, watcher: Watcher | None
 ) -> dict[str, Any]:
-    """Carry out a run and return its result."""
+    """Carry out a run and return its result; say where torque and angles contradict each other."""
+    heard: list[Floats] = []
+    remarks: list[str] = []
+    try:
+        result = _carry_out(run, configs, link, watcher, heard)
+    finally:  # a drive that pushes the wrong way may soon end in a fault
+        remarks += _turned(configs, heard)
+        for remark in remarks:
+            sys.stderr.write(f"{remark}\n")
+    return result | {"remarks": remarks}
+
+
+def _carry_out(
+    run: Run,
+    configs: Sequence[HardwareConfig],
+    link: Link | None,
+    watcher: Watcher | None,
+    heard: list[Floats],
+) -> dict[str, Any]:
     with CanArm(configs, link, run.path, watcher) as arm:
         policies = [_policy(arm, k, job) for k, job in enumerate(run.jobs)]  # before the bus
         arm.connect()
@@ -34,7 +55,7 @@ def carry_out(
         laws = [law or _law(arm, k, run.jobs[k], delays[k]) for k, law in enumerate(policies)]
         arm.arm()
         sys.stderr.write(f"{run.title}: {len(run.jobs[0].reference) * arm.dt:g} s\n")
-        errors = _follow(arm, run.jobs, laws)
+        errors = _follow(arm, run.jobs, laws, heard)
         arm.stop()
         timing = arm.joints[0].timing
     tracked = [law is not None for law in laws]
@@ -71,8 +92,29 @@ def _law(arm: CanArm, k: int, job: Job, delays: Mapping[str, float]) -> Law | No
     return law
 
 
-def _follow(arm: CanArm, jobs: Sequence[Job], laws: Sequence[Law | None]) -> Floats:
-    """Run the joints; return the tracking errors [N m], shape (samples, joints)."""
+def _turned(configs: Sequence[HardwareConfig], heard: Sequence[Floats]) -> list[str]:
+    """Return a remark for every joint whose torque falls where its spring's deflection rises."""
+    found = []
+    if len(heard) < FEWEST:
+        return found
+    for config, (torque, twist) in zip(configs, np.array(heard).T, strict=True):
+        is_moved = np.ptp(torque) > 0.0 and np.ptp(twist) > 0.0
+        if is_moved and np.corrcoef(torque, twist)[0, 1] < -ALIKE:
+            found.append(
+                f"The measured torque of {config.name or config.origin} falls where the deflection "
+                "of its spring rises: a sign is wrong. Check `sign` of the drive under [drive] and "
+                "of the sensors under [sensors]."
+            )
+    return found
+
+
+def _follow(
+    arm: CanArm, jobs: Sequence[Job], laws: Sequence[Law | None], heard: list[Floats]
+) -> Floats:
+    """Run the joints; return the tracking errors [N m], shape (samples, joints).
+
+    What is `heard`, torque [N m] and deflection [rad] of shape (2, joints), is added step by step.
+    """
     references = np.stack([job.reference for job in jobs], axis=1)
     wanted = np.where([law is None for law in laws], np.nan, references)
     measured = arm.reset()
@@ -82,7 +124,9 @@ def _follow(arm: CanArm, jobs: Sequence[Job], laws: Sequence[Law | None]) -> Flo
             law.reset()
     errors = np.zeros(references.shape)
     for step, row in enumerate(references):
-        errors[step] = row - [seen.tau[0] for seen in measured]
+        torque = np.array([seen.tau[0] for seen in measured])
+        heard.append(np.array([torque, [seen.q_g[0] - seen.q_l[0] for seen in measured]]))
+        errors[step] = row - torque
         commands = [
             row[k] if law is None else law.act(seen, row[k : k + 1])[0]
             for k, (law, seen) in enumerate(zip(laws, measured, strict=True))

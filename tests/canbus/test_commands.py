@@ -7,19 +7,24 @@ import re
 import subprocess
 import sys
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cjt_gym.baselines.gains import law_of_record, write_gains
+from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
 from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
+from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.disk import to_toml
-from cjt_gym.errors import CjtGymWarning
+from cjt_gym.errors import CjtGymWarning, HardwareError
 from cjt_gym.hardware.beside_simulation import side_by_side
+from cjt_gym.hardware.jobs import Job, Run
+from cjt_gym.hardware.run import carry_out
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.deploy.shipped import policy_names
@@ -58,6 +63,22 @@ def test_emulated_run_writes_a_record_for_the_diagnosis(
     assert record.structure == "output_fixed_rigid_gearbox"
     assert record.provenance["controller"] == "pd_feedforward"
     assert record.provenance["kp"] > 0.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_drive_of_the_wrong_sign_is_remarked_on(
+    sign: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real = config(sensors=SENSORS)
+    drive = document()["drive"] | {"sign": sign}
+    asked = config(drive=drive, sensors=SENSORS)
+    reference = 3.0 * np.sin(2.0 * np.pi * 4.0 * np.arange(200) * real.dt)
+    job = Job("", reference, "pd_feedforward", None, {})
+    with nullcontext() if sign > 0 else pytest.raises(HardwareError, match="motor speed"):
+        result = carry_out(Run(None, (job,)), [asked], VirtualLink(Emulator(real)), None)
+        assert result["remarks"] == []
+    said = capsys.readouterr().err
+    assert ("torque of bench.toml falls where the deflection" in said) == (sign < 0)
 
 
 def test_a_policy_by_name_says_where_it_was_not_trained(
