@@ -29,7 +29,13 @@ import numpy as np
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
 from cjt_gym.baselines.entry import ControllerEntry, Gain
-from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.errors import (
+    CjtGymError,
+    CommandError,
+    ConfigurationError,
+    MissingFileError,
+    unknown_name,
+)
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
@@ -71,7 +77,7 @@ class OwnController(Controller):
                 self.law.reset(None if fresh.all() else fresh.copy())
             command = np.asarray(self.law.act(measurement, reference.copy()), dtype=np.float64)
         if command.shape != fresh.shape or not np.isfinite(command).all():
-            raise ConfigurationError(
+            raise CommandError(
                 f"act of {self.name} must return finite motor torques of the shape {fresh.shape}, "
                 f"got {command!r}."
             )

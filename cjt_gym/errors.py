@@ -46,6 +46,10 @@ class ConfigurationError(CjtGymError, ValueError):
     """Options that are valid one by one do not fit together, or an option is out of range."""
 
 
+class CommandError(ConfigurationError):
+    """A controller's own code returned what is no motor torque."""
+
+
 class ProtocolError(CjtGymError, ValueError):
     """A frame on the bus, or what is to be sent in one, breaks the drive's protocol."""
 
@@ -89,10 +93,17 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
         " Did you mean 'orange'?"
         >>> did_you_mean("k_B", ["k_t", "k_b"])
         " Did you mean 'k_b'?"
+        >>> did_you_mean("lgq", ["lqi", "lqg"])
+        " Did you mean 'lqg'?"
+        >>> did_you_mean("dt", ["drive", "dt_control"])
+        " Did you mean 'dt_control'?"
     """
     names = list(known)
     same = [one for one in names if one.lower() == name.lower()]
-    matches = same or get_close_matches(name, names, n=1)
+    close = get_close_matches(name, names, n=5)
+    swapped = [one for one in close if sorted(one) == sorted(name)]
+    begun = [one for one in names if one.startswith(f"{name}_")]
+    matches = same or swapped or close or begun
     return f" Did you mean '{matches[0]}'?" if matches else ""
 
 

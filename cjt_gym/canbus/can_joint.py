@@ -16,7 +16,7 @@ from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.run_record import JointRecord, RunRecord
 from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, State
 from cjt_gym.canbus.timing import Timing
-from cjt_gym.errors import HardwareError, ProtocolError
+from cjt_gym.errors import CommandError, HardwareError, ProtocolError
 from cjt_gym.plant import Limits, Measurement
 
 
@@ -234,7 +234,8 @@ class CanJoint:
     def abandon(self, error: BaseException) -> None:
         """End a run at once because of an exception, as after a fault."""
         interrupted = isinstance(error, KeyboardInterrupt | SystemExit)
-        kind = "interrupt" if interrupted else "exception"
+        kind = "command" if isinstance(error, CommandError) else "exception"
+        kind = "interrupt" if interrupted else kind
         text = f"{type(error).__name__}: {error}".rstrip(".")
         self.trip(Fault(kind, f"{text}.", self.link.now()))
         self._talk.repeat_off()

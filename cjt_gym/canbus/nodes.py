@@ -153,8 +153,11 @@ class Nodes:
                 if latest.node == node.name:
                     latest.value, latest.t = value, arrival.t
         if node.is_excess(arrival, period, self.oldest(period)):
-            text = f"{node.name} sent more frames {arrival.message.arbitration_id:#x} than it was "
-            text += "asked for." if node.is_asked else f"one every {period * 1e3:.3g} ms."
+            often, remedy = f"every {period * 1e3:.3g} ms", "set cycle_ms to the node's own cycle"
+            if node.is_asked:
+                often, remedy = "per poll", "stop other programs that poll it"
+            text = f"Frames {arrival.message.arbitration_id:#x} of {node.name} must come once "
+            text += f"{often}, got more. Give each node an address of its own, or {remedy}."
             return Fault("repeated", text, arrival.t)
         return None
 

@@ -9,16 +9,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import can
+import numpy as np
+
 from cjt_gym.canbus.protocols import protocol_of, settings_of
 from cjt_gym.canbus.protocols.contract import Limits as DriveLimits
 from cjt_gym.canbus.protocols.contract import Settings
 from cjt_gym.canbus.safety import SafetyLimits
 from cjt_gym.canbus.stamps import STAMPS
 from cjt_gym.canbus.tables import Section
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, ParameterError, check_name
 from cjt_gym.joint import Joint, load_joint, load_joint_file
 from cjt_gym.joint.configure import EffectSpec
 from cjt_gym.joint.effect_words import parse_effects
+from cjt_gym.joint.files.quantity import Quantity
+from cjt_gym.joint.files.units import in_usual_unit
 from cjt_gym.plant import limits_of
 
 BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "stamps", "options")
@@ -78,9 +83,11 @@ class EmulatorSettings:
 def read_bus(table: object, owner: str) -> BusSettings:
     """Return the table [bus]."""
     given = Section(table, owner, BUS)
+    interface = given.text("interface")
+    check_name(f"interface of {owner}", interface, can.VALID_INTERFACES)
     options = Section(given.table.get("options", {}), f"options of {owner}")
     return BusSettings(
-        interface=given.text("interface"),
+        interface=interface,
         channel=given.text("channel"),
         host=given.text("host", BusSettings.host),
         port=given.whole("port", 1, 65535, default=BusSettings.port),
@@ -191,10 +198,14 @@ def _span(limits: Section) -> tuple[float, float]:
     if "q_m" not in limits:
         return -math.inf, math.inf
     given = Section(limits.table["q_m"], f"q_m of {limits.owner}", ("low", "high", "unit"))
-    if given.text("unit") != "rad":
-        raise ConfigurationError(f"{given.owner} must be in rad, got {given.table['unit']!r}.")
     low = given.number("low", "rad", above=-math.inf)
-    return low, given.number("high", "rad", above=low)
+    high = given.number("high", "rad", above=low)
+    written = Quantity((low, high), given.text("unit"))
+    try:
+        low, high = np.asarray(in_usual_unit(written, ("rad",), given.owner).value).tolist()
+    except ParameterError as error:
+        raise ConfigurationError(str(error)) from None
+    return low, high
 
 
 def read_emulator(table: object, owner: str) -> EmulatorSettings:

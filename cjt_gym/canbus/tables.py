@@ -8,6 +8,7 @@ from typing import Any
 
 from cjt_gym.errors import ConfigurationError, ParameterError, check_range, unknown_key
 from cjt_gym.joint.files.quantity import parse_quantity
+from cjt_gym.joint.files.units import in_usual_unit
 
 REQUIRED: Any = object()
 """Stands for the default of a key that must be given."""
@@ -96,19 +97,14 @@ class Section:
         high: float = math.inf,
         default: Any = REQUIRED,
     ) -> Any:
-        """Return a value with a unit, from `low` to `high` [unit]."""
+        """Return a value given in any unit of that kind, from `low` to `high` [unit]."""
         entry = self._given(key, f'{{ value = ..., unit = "{unit}" }}', default)
         if entry is default:
             return default
         try:
             given = parse_quantity(entry, f"{key} of {self.owner}")
-            value = given.number
+            value = in_usual_unit(given, (unit,), f"{key} of {self.owner}").number
         except ParameterError as error:
             raise ConfigurationError(str(error)) from None
-        if given.unit != unit:
-            raise ConfigurationError(
-                f"{key} of {self.owner} must be in {unit}, got the unit '{given.unit}'. Convert "
-                "the value."
-            )
         check_range(f"{key} of {self.owner}", value, unit, low=low, high=high, finite=False)
         return value

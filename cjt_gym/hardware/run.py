@@ -14,9 +14,11 @@ from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import Link
+from cjt_gym.errors import HardwareError
 from cjt_gym.hardware.delayed_law import PolicyLaw, designed_for, law_for
 from cjt_gym.hardware.jobs import NONE, Job, Run
 from cjt_gym.joint.kernel.arrays import Floats
+from cjt_gym.plant import Measurement
 from cjt_gym.training.evaluation.metrics import rms
 
 Law = Controller | PolicyLaw
@@ -34,6 +36,12 @@ def carry_out(
     remarks: list[str] = []
     try:
         result = _carry_out(run, configs, link, watcher, heard)
+    except Exception as error:
+        if heard and not isinstance(error, HardwareError):
+            is_there = run.path is not None and run.path.exists()
+            ended = f"{run.path} ends there" if is_there else "no record: no command was sent yet"
+            sys.stderr.write(f"Torque is off; {ended}.\n")
+        raise
     finally:  # a drive that pushes the wrong way may soon end in a fault
         remarks += _turned(configs, heard)
         for remark in remarks:
@@ -108,6 +116,11 @@ def _turned(configs: Sequence[HardwareConfig], heard: Sequence[Floats]) -> list[
     return found
 
 
+def _spring(measured: Sequence[Measurement]) -> Floats:
+    """Return torques [N m] and deflections [rad], shape (2, joints)."""
+    return np.array([[m.tau[0] for m in measured], [m.q_g[0] - m.q_l[0] for m in measured]])
+
+
 def _follow(
     arm: CanArm, jobs: Sequence[Job], laws: Sequence[Law | None], heard: list[Floats]
 ) -> Floats:
@@ -118,18 +131,18 @@ def _follow(
     references = np.stack([job.reference for job in jobs], axis=1)
     wanted = np.where([law is None for law in laws], np.nan, references)
     measured = arm.reset()
+    heard.append(_spring(measured))
     for k, (law, seen) in enumerate(zip(laws, measured, strict=True)):
         if law is not None:
             law.act(seen, references[0, k : k + 1])  # what is compiled on first use is compiled now
             law.reset()
     errors = np.zeros(references.shape)
     for step, row in enumerate(references):
-        torque = np.array([seen.tau[0] for seen in measured])
-        heard.append(np.array([torque, [seen.q_g[0] - seen.q_l[0] for seen in measured]]))
-        errors[step] = row - torque
+        errors[step] = row - heard[-1][0]
         commands = [
             row[k] if law is None else law.act(seen, row[k : k + 1])[0]
             for k, (law, seen) in enumerate(zip(laws, measured, strict=True))
         ]
         measured = arm.step(np.array(commands), wanted[step])
+        heard.append(_spring(measured))
     return errors

@@ -81,6 +81,32 @@ def test_a_drive_of_the_wrong_sign_is_remarked_on(
     assert ("torque of bench.toml falls where the deflection" in said) == (sign < 0)
 
 
+@pytest.mark.parametrize("good", [0, 30])
+def test_code_that_commands_nan_is_a_fault_of_the_command(
+    good: int, path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out = path.with_name("own.py"), path.with_name("run.csv")
+    code.write_text(
+        "class Late:\n    def __init__(self, joint, dt): pass\n"
+        "    def reset(self, mask=None): pass\n"
+        f"    def act(self, m, r): return r if m.t[0] < {good * 0.002} else float('nan') * r\n"
+    )
+    words = ["hardware", str(path), "--emulated", "--controller", f"{code}:Late"]
+    assert main([*words, "--duration", "0.2", "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "finite motor torques" in said
+    assert f"Torque is off; {f'{out} ends there' if good else 'no record'}" in said
+    assert not good or read_record(out).provenance["fault"]["kind"] == "command"
+
+
+def test_a_drive_that_reports_oftener_than_said_is_told_by_cycle_ms() -> None:
+    drive = document()["drive"] | {"reports": "cyclic"}
+    real, slower = config(drive=drive | {"cycle_ms": 2}), config(drive=drive | {"cycle_ms": 20})
+    job = Job("", np.zeros(200), "pd_feedforward", None, {})
+    with pytest.raises(HardwareError, match=r"once every 20 ms, got more\..* set cycle_ms"):
+        carry_out(Run(None, (job,)), [slower], VirtualLink(Emulator(real)), None)
+
+
 def test_a_policy_by_name_says_where_it_was_not_trained(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

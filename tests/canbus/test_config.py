@@ -53,6 +53,7 @@ def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
     [
         ({"limits": {"tau": newton_metres(400.0)}}, "tighter than the joint's, never looser"),
         ({"limits": {"tau": {"value": 4.0, "unit": "A"}}}, "must be in N m"),
+        ({"bus": {"interface": "sockcand"}}, "Did you mean 'socketcand'"),
         ({"limits": {"torque": newton_metres(4.0)}}, "unknown key 'torque'"),
         ({"limits": {"q_m": {"low": 1.0, "high": 0.0, "unit": "rad"}}}, "high of q_m"),
         ({"control": {"rate_hz": 0}}, "rate_hz .* must be > 0"),
@@ -72,6 +73,15 @@ def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
 def test_mistakes_are_named(changes: dict[str, Any], text: str) -> None:
     with pytest.raises(CjtGymError, match=text):
         CanPlant(config(**changes))
+
+
+def test_values_are_converted_as_in_joint_files() -> None:
+    watchdog, span = {"value": 40, "unit": "ms"}, {"low": -10, "high": 20, "unit": "deg"}
+    limits = {"tau": {"value": 20e3, "unit": "mN m"}, "q_m": span}
+    given = parse_hardware(document(control={"watchdog": watchdog}, limits=limits), "x", Path())
+    assert given.drive.settings.watchdog == pytest.approx(0.04)
+    assert given.limits.tau == pytest.approx(20.0)
+    assert np.degrees([given.limits.q_low, given.limits.q_high]) == pytest.approx([-10, 20])
 
 
 def test_missing_tables_and_files_are_named(tmp_path: Path) -> None:
