@@ -118,6 +118,14 @@ def peak_mechanical_power(p: JointParameters) -> float:
     return torque * speed_at_torque(p, torque)
 
 
+def usable_power(p: JointParameters) -> float:
+    """Return the same with velocities up to dq_p, where the joint has it [W]."""
+    fastest, torque = p.get("dq_p", math.inf), min(peak_torque(p), 0.5 * stall_torque(p))
+    if speed_at_torque(p, torque) <= fastest:
+        return peak_mechanical_power(p)
+    return fastest * min(peak_torque(p), (zero_torque_speed(p) - fastest) / speed_drop(p))
+
+
 def speed_at_torque(p: JointParameters, tau: Number) -> Number:
     """Return the velocity of the torque-speed line [rad/s], v_0/(k_t n) - tau r/(k_t n)^2.
 

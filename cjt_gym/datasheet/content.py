@@ -9,6 +9,7 @@ from functools import partial
 
 from cjt_gym import __version__
 from cjt_gym.characteristics import CHARACTERISTICS, acting, changing, characteristic
+from cjt_gym.characteristics.motor import usable_power
 from cjt_gym.characteristics.table import GROUPS
 from cjt_gym.datasheet import figures, plots
 from cjt_gym.datasheet.blocks import (
@@ -81,6 +82,13 @@ DRAWINGS: Sequence[Drawing] = (
     ("impedance", partial(figures.alone, plots.impedance), IMPEDANCE, IMPEDANCE),
     ("efficiency", figures.efficiency_map, "", EFFICIENCY),
 )
+RATED = (
+    " Dark: continuous (black point: rated).",
+    " Dark: continuous.",
+    " Dotted: rated torque.",
+    "; black: rated point",
+)
+"""What captions say of rated torque, which joints without thermal parameters do not have."""
 FACTS = ("t_r", "t_p", "dq_NL", "p_pm", "eta_max", "f_p")
 ASIDE = re.compile(r";| \(|, (?=acts|whose|motor|limit|reflected)")
 SYMBOLS = {"Tmp_WMax": "T_max", "Tmp_ANom": "T_A", "diam": "D", "len": "L", "dq_p": "ω_p"}
@@ -114,18 +122,23 @@ def _facts(joints: Sequence[JointParameters]) -> Iterator[Block]:
     if len(joints) > 1:
         return
     (p,) = joints
-    rows = [CHARACTERISTICS[name] for name in FACTS]
+    known = {name: value for name in FACTS if (value := CHARACTERISTICS[name].value(p)) is not None}
+    titles = {name: CHARACTERISTICS[name].title for name in known}
+    if "p_pm" in known:
+        known["p_pm"] = usable_power(p)
+    if p.get("dq_p", math.inf) < known.get("dq_NL", 0.0):
+        known["dq_NL"], titles["dq_NL"] = p.dq_p, "peak speed"
     shown = [
-        (row.title, number(value, 3), unit(row.unit(p.axis)))
-        for row in rows
-        if (value := row.value(p)) is not None
+        (titles[name], number(value, 3), unit(CHARACTERISTICS[name].unit(p.axis)))
+        for name, value in known.items()
     ]
     if shown:
         yield Facts(shown)
 
 
 def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
-    one, missing = len(joints) == 1, []
+    one = len(joints) == 1
+    missing: dict[str, list[str]] = {}
     for name, draw, of_one, of_several in DRAWINGS:
         caption = of_one if one else of_several
         if not caption:
@@ -133,14 +146,18 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
         try:
             svg = draw(joints)
         except ParameterError as error:
-            missing.append(f"{name.capitalize()}: {error}")
+            missing.setdefault(str(error), []).append(name)
             continue
+        if CHARACTERISTICS["t_r"].value(joints[0]) is None:
+            for rated in RATED:
+                caption = caption.replace(rated, "")
         if caption == IMPEDANCE:
             unit = "rad" if joints[0].axis == "rotary" else "m"
             caption = caption.format(motion=f"{min(map(plots.usual_motion, joints)):g} {unit}")
         yield Figure(svg, caption, whole=not one and name == "efficiency")
     if missing:
-        yield Paragraph("Not drawn. " + " ".join(map(plain, missing)), small=True)
+        texts = [f"{', '.join(names).capitalize()}: {plain(why)}" for why, names in missing.items()]
+        yield Paragraph(f"Not drawn. {' '.join(texts)}", small=True)
 
 
 def _notes(joints: Sequence[JointParameters]) -> Iterator[Block]:

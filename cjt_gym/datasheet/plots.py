@@ -41,6 +41,7 @@ from cjt_gym.characteristics import (
     time_to_critical,
     torque_limits,
 )
+from cjt_gym.characteristics.motor import usable_power
 from cjt_gym.datasheet.drawing import BLUE, COLOURS, GREEN, GREY, INK, ORANGE, RED
 from cjt_gym.datasheet.drawing import legend as place_legend
 from cjt_gym.datasheet.notation import drawn, number
@@ -114,6 +115,7 @@ def _one_diagram(axes: Axes, p: JointParameters) -> None:
         power = _known(p, name)
         if math.isnan(power):
             continue
+        power = usable_power(p) if name == "p_pm" else power
         shown = power / tau <= 1.12 * top
         label = f"{text}, {number(power, 3)} W"
         axes.plot(tau[shown], (power / tau)[shown], color=GREY, ls=style, lw=0.9, label=label)

@@ -16,9 +16,10 @@ from cjt_gym.analysis.open_loop import frequency_response
 from cjt_gym.characteristics import CHARACTERISTICS, characteristics
 from cjt_gym.cli import main
 from cjt_gym.datasheet import make_sheet, quantities, write_sheet
-from cjt_gym.datasheet.blocks import Figure, Heading, Paragraph, Sheet, Table
+from cjt_gym.datasheet.blocks import Facts, Figure, Heading, Paragraph, Sheet, Table
 from cjt_gym.datasheet.notation import number, render, unit, with_tolerance
 from cjt_gym.joint import JointFile, load_joint, load_joint_file
+from cjt_gym.joint.files.parameters import JointParameters
 from cjt_gym.joint.files.quantity import Quantity
 
 
@@ -49,6 +50,22 @@ def test_a_sheet_has_every_quantity_with_unit_tolerance_and_source(sheet: Sheet)
     assert any("1: toolbox parameter set cjt_Orange_80_6000" in text for text in notes)
     assert any("cannot run at full speed continuously" in text for text in notes)
     assert sum(isinstance(block, Figure) for block in sheet.blocks) == 8
+
+
+def test_a_sheet_claims_no_more_than_peak_speed_and_heat_allow(orange: JointFile) -> None:
+    known = orange.parameters.quantities
+    kept = {name: q for name, q in known.items() if not name.startswith(("Tmp_", "r_th", "T_th"))}
+    kept["dq_p"] = Quantity(2.0, "rad/s")
+    p = orange.parameters
+    bare = JointParameters(p.name, p.source, kept, p.axis, p.origin)
+    blocks = make_sheet([replace(orange, parameters=bare)]).blocks
+    (facts,) = (b.items for b in blocks if isinstance(b, Facts))
+    assert ("peak speed", "2", "rad/s") in facts
+    assert ("peak mechanical power", "374", "W") in facts
+    said = [b.caption for b in blocks if isinstance(b, Figure)]
+    assert not any("continuous" in text or "rated" in text for text in said)
+    (missing,) = (b.text for b in blocks if isinstance(b, Paragraph) and "Not drawn" in b.text)
+    assert missing.count("Tmp_WMax of ") == 1
 
 
 def test_both_formats_and_images(sheet: Sheet, tmp_path: Path) -> None:
@@ -96,7 +113,7 @@ def test_torque_and_speed_need_three_numbers_and_what_is_not_drawn_says_why(
     assert any(caption.startswith("Torque and speed") for caption in captions)
     notes = [block.text for block in sheet.blocks if isinstance(block, Paragraph)]
     (told,) = [text for text in notes if text.startswith("Not drawn.")]
-    assert "Heat: " in told
+    assert re.search(r"\bheat\b[^:]*: i_p of ", told)
     assert "is needed and absent" in told
     assert write_sheet(sheet, tmp_path / "mine.html")[0].is_file()
 
