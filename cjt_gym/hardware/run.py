@@ -102,7 +102,7 @@ def _law(arm: CanArm, k: int, job: Job, delays: Mapping[str, float]) -> Law | No
 
 def _turned(configs: Sequence[HardwareConfig], heard: Sequence[Floats]) -> list[str]:
     """Return a remark for every joint whose torque falls where its spring's deflection rises."""
-    found = []
+    found: list[str] = []
     if len(heard) < FEWEST:
         return found
     for config, (torque, twist) in zip(configs, np.array(heard).T, strict=True):
