@@ -39,6 +39,7 @@ NUMBERS = [
     (*SIMULATE, "--dt", "1e-300"),
     (*SIMULATE, "--dt-physics", "0"),
     (*SIMULATE, "--amplitude", "nan"),
+    (*SIMULATE, "--amplitude", "-5"),
     ("analyse", "orange_80_6000", "--seed", "-1", "--identify", "1", "--json"),
     ("export", "orange_80_6000", "--to", "mujoco", "--timestep", "0", "--out", "x.xml"),
     ("emulate", HARDWARE, "--seconds", "-1"),
@@ -47,6 +48,16 @@ NUMBERS = [
     ("hardware", HARDWARE, "--seed", "-1", "--dry-run"),
     ("hardware", HARDWARE, "--duration", "nan", "--dry-run"),
 ]
+
+
+def test_an_amplitude_beyond_the_peak_torque_is_remarked_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for amplitude in ("20", "900"):
+        words = [*SHORT, "--amplitude", amplitude, "--out", str(tmp_path / "x.csv")]
+        assert main(words) == 0
+        told = "beyond the peak torque of orange_80_6000, 187.2 N m" in capsys.readouterr().err
+        assert told == (amplitude == "900")
 
 
 def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
@@ -28,7 +29,7 @@ from cjt_gym.console.options import (
 )
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load, told_load
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, check_range
 from cjt_gym.joint import Joint, load_joint, load_joint_file
 from cjt_gym.joint.configure import plain_effects
 from cjt_gym.joint.effects import EFFECTS
@@ -178,8 +179,15 @@ def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
         unit = 1.0 if task.replayed == "tau_cmd" else p.k_t * p.n
         return sampled_signal(record.t, record[task.replayed] * unit)
     amplitude = options.amplitude
+    unit = "N" if joint.parameters.axis == "prismatic" else "N m"
     if amplitude is None:
         amplitude = default_amplitude(joint.file)
+    check_range("--amplitude", amplitude, unit, above=0.0)
+    if task.recorded is None and amplitude > joint.torque_limit:
+        sys.stderr.write(
+            f"--amplitude {amplitude:g} {unit} is beyond the peak torque of "
+            f"{joint.parameters.name}, {joint.torque_limit:.4g} {unit}, and cannot be followed.\n"
+        )
     spec = options.reference if task.recorded is None else signal_from_file(options.reference)
     (signal,) = make_signals(spec, amplitude)[:1]
     return signal.reset(np.random.default_rng(options.seed))
