@@ -24,6 +24,7 @@ from cjt_gym.plant.measurement import Limits, Measurement
 from cjt_gym.plant.randomization import Randomization, resolve_randomization
 from cjt_gym.plant.randomization.draw import LINEAR, NOTHING, Draws, Program, refresh, write
 from cjt_gym.plant.randomization.program import Plan, compile_plan, exact_plan
+from cjt_gym.plant.sampling import warn_of_fast_resonance
 
 DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4  # unless told otherwise [s]
 DEFAULT_TORQUE = 1000.0
@@ -114,8 +115,12 @@ class SimulatedPlant:
         Raises:
             ConfigurationError: The steps do not fit, or a range is not valid.
             UnknownNameError: A randomised name is not known.
+
+        Warns:
+            CjtGymWarning: The joint resonates above the Nyquist frequency of the control step.
         """
         joint = with_current_loop(joint, dt_physics)
+        warn_of_fast_resonance(joint, dt)
         self.joint, self.num = joint, num
         self.randomization = resolve_randomization(joint, randomization, dt)
         self._random = compile_plan(joint, self.randomization, dt)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 import pytest
 
 from cjt_gym import load_joint
+from cjt_gym.errors import CjtGymWarning
+from cjt_gym.joint import STRUCTURES, joint_names
 from cjt_gym.plant import Limits, SimulatedPlant
 
 EFFECTS: dict[str, dict[str, Any]] = {"coulomb": {}, "command_delay": {"delay": 2e-3}}
@@ -52,3 +55,14 @@ def test_a_delay_may_be_randomised_up_to_its_longest() -> None:
         moved = p.step(np.full(50, 30.0)).q_m != 0.0
         first[moved & (first < 0)] = k
     np.testing.assert_array_equal(first, np.floor(np.round(delays / 1e-4) / 10.0).astype(int))
+
+
+@pytest.mark.parametrize(("dt", "told"), [(0.02, False), (0.025, True)])
+def test_a_resonance_above_the_nyquist_frequency_is_warned_of(dt: float, told: bool) -> None:
+    """Of 22.4 Hz; shipped joints warn of nothing at their usual steps."""
+    words = r"22\.4 Hz.* 20 Hz .*dt < 0\.022 s"
+    with pytest.warns(CjtGymWarning, match=words) if told else nullcontext():
+        SimulatedPlant(load_joint("orange_80_6000", "output_fixed_rigid_gearbox"), 1, dt, 1e-4)
+    for name in joint_names():
+        for structure in ("rigid",) if name == "emps" else STRUCTURES:
+            SimulatedPlant(load_joint(name, structure, effects=[]))
