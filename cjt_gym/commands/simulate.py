@@ -179,14 +179,14 @@ def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
         unit = 1.0 if task.replayed == "tau_cmd" else p.k_t * p.n
         return sampled_signal(record.t, record[task.replayed] * unit)
     amplitude = options.amplitude
-    unit = "N" if joint.parameters.axis == "prismatic" else "N m"
+    newtons = "N" if joint.parameters.axis == "prismatic" else "N m"
     if amplitude is None:
         amplitude = default_amplitude(joint.file)
-    check_range("--amplitude", amplitude, unit, above=0.0)
+    check_range("--amplitude", amplitude, newtons, above=0.0)
     if task.recorded is None and amplitude > joint.torque_limit:
         sys.stderr.write(
-            f"--amplitude {amplitude:g} {unit} is beyond the peak torque of "
-            f"{joint.parameters.name}, {joint.torque_limit:.4g} {unit}, and cannot be followed.\n"
+            f"--amplitude {amplitude:g} {newtons} is beyond the peak torque of "
+            f"{joint.parameters.name}, {joint.torque_limit:.4g} {newtons}; out of reach.\n"
         )
     spec = options.reference if task.recorded is None else signal_from_file(options.reference)
     (signal,) = make_signals(spec, amplitude)[:1]

@@ -82,12 +82,8 @@ DRAWINGS: Sequence[Drawing] = (
     ("impedance", partial(figures.alone, plots.impedance), IMPEDANCE, IMPEDANCE),
     ("efficiency", figures.efficiency_map, "", EFFICIENCY),
 )
-RATED = (
-    " Dark: continuous (black point: rated).",
-    " Dark: continuous.",
-    " Dotted: rated torque.",
-    "; black: rated point",
-)
+RATED = (" Dark: continuous (black point: rated).", " Dark: continuous.",
+         " Dotted: rated torque.", "; black: rated point")  # fmt: skip
 """What captions say of rated torque, which joints without thermal parameters do not have."""
 FACTS = ("t_r", "t_p", "dq_NL", "p_pm", "eta_max", "f_p")
 ASIDE = re.compile(r";| \(|, (?=acts|whose|motor|limit|reflected)")
@@ -148,9 +144,8 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
         except ParameterError as error:
             missing.setdefault(str(error), []).append(name)
             continue
-        if CHARACTERISTICS["t_r"].value(joints[0]) is None:
-            for rated in RATED:
-                caption = caption.replace(rated, "")
+        for rated in RATED if CHARACTERISTICS["t_r"].value(joints[0]) is None else ():
+            caption = caption.replace(rated, "")
         if caption == IMPEDANCE:
             unit = "rad" if joints[0].axis == "rotary" else "m"
             caption = caption.format(motion=f"{min(map(plots.usual_motion, joints)):g} {unit}")
