@@ -107,7 +107,7 @@ def test_interfaces_with_a_clock_are_known(interface: str, asked: str, kind: str
 
 def test_another_word_for_stamps_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="auto, interface, reception, got 'gps'"):
-        read_bus({"interface": "x", "channel": "x", "stamps": "gps"}, "[bus]")
+        read_bus({"interface": "virtual", "channel": "x", "stamps": "gps"}, "[bus]")
 
 
 class Lost:
