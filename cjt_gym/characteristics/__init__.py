@@ -13,7 +13,6 @@ from cjt_gym.characteristics.acting import acting, changing, with_effects
 from cjt_gym.characteristics.bandwidth import (
     TorqueLimits,
     back_emf_limit,
-    resonance,
     response,
     torque_bandwidth,
     torque_limits,
@@ -43,6 +42,7 @@ from cjt_gym.characteristics.thermal import (
     temperatures,
     time_to_critical,
 )
+from cjt_gym.joint.linear import resonance
 
 __all__ = [
     "CHARACTERISTICS",

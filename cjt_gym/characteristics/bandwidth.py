@@ -134,11 +134,6 @@ def back_emf_limit(p: JointParameters, f: Floats) -> Floats:
     return zero_torque_speed(p) * np.hypot(p.k_b / omega, p.get("d_gl", 0.0))
 
 
-def resonance(p: JointParameters) -> float:
-    """Return the undamped resonance with locked output, sqrt(k_b / (I_m + I_g)) / (2 pi) [Hz]."""
-    return math.sqrt(p.k_b / (p.I_m + p.get("I_g", 0.0))) / (2.0 * math.pi)
-
-
 def torque_bandwidth(
     p: JointParameters, amplitude: float, load: float = LOCKED, *, lasting: bool = False
 ) -> float:

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from cjt_gym.characteristics import bandwidth, motor, thermal
 from cjt_gym.errors import ParameterError, check_name
-from cjt_gym.joint import JointParameters
+from cjt_gym.joint import JointParameters, linear
 from cjt_gym.joint.files.parameter_table import axis_units
 
 GROUPS = ("constants", "rated", "no load", "stall", "peak", "heat", "dynamics")
@@ -163,7 +163,7 @@ _ROWS = (
                        p, motor.peak_torque(p), 0.5 * (p.Tmp_ANom + p.Tmp_WMax)), FOREVER),
     Characteristic("f_0", "dynamics", "resonance, locked output", "f_0", "Hz",
                    "√(k_b / (I_m + I_g)) / 2π", "Undamped, with a rigid gearbox.",
-                   bandwidth.resonance),
+                   linear.resonance),
     Characteristic("f_p", "dynamics", "bandwidth of the peak torque", "f_p", "Hz",
                    "highest f with all short-time limits ≥ τ_p",
                    "Locked output; up to it the joint delivers the peak torque.",

@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> Answer:
         "added_load": loaded.get("I_l"),
         "peak_torque": largest,
     }
-    unit = "N" if joint.parameters.axis == "prismatic" else "N m"
+    unit = _unit(joint)
     replayed = PAST if task.replayed == CURRENT else "command replayed in open loop"
     how = replayed
     if tracks:
@@ -171,6 +171,10 @@ def _recorded(word: str, joint: str) -> Record:
     return read_record(word, n=gear_ratio_of(word) or load_joint_file(joint).gear_ratio)
 
 
+def _unit(joint: Joint) -> str:
+    return "N" if joint.parameters.axis == "prismatic" else "N m"
+
+
 def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
     """Return the reference, or the motor torque [N m] that a record commands."""
     if task.controller == NONE:
@@ -179,14 +183,14 @@ def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
         unit = 1.0 if task.replayed == "tau_cmd" else p.k_t * p.n
         return sampled_signal(record.t, record[task.replayed] * unit)
     amplitude = options.amplitude
-    newtons = "N" if joint.parameters.axis == "prismatic" else "N m"
+    newtons = _unit(joint)
     if amplitude is None:
         amplitude = default_amplitude(joint.file)
     check_range("--amplitude", amplitude, newtons, above=0.0)
     if task.recorded is None and amplitude > joint.torque_limit:
         sys.stderr.write(
             f"--amplitude {amplitude:g} {newtons} is beyond the peak torque of "
-            f"{joint.parameters.name}, {joint.torque_limit:.4g} {newtons}; out of reach.\n"
+            f"{joint.parameters.name}, {joint.torque_limit:.4g} {newtons}.\n"
         )
     spec = options.reference if task.recorded is None else signal_from_file(options.reference)
     (signal,) = make_signals(spec, amplitude)[:1]

@@ -7,6 +7,7 @@ States are z, dz and, where the output is fixed, q_l between them, in the order
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -208,3 +209,8 @@ def _observable(a: Matrix, b: Matrix, c: Matrix) -> tuple[Matrix, Matrix, Matrix
         if not len(fresh):
             return seen @ balanced @ seen.T, seen @ inward, outward @ seen.T
         seen = np.linalg.qr(np.vstack([seen, fresh]).T)[0].T
+
+
+def resonance(p: JointParameters) -> float:
+    """Return the undamped resonance with locked output, sqrt(k_b / (I_m + I_g)) / (2 pi) [Hz]."""
+    return math.sqrt(p.k_b / (p.I_m + p.get("I_g", 0.0))) / (2.0 * math.pi)

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 
 from cjt_gym.errors import CjtGymWarning
 from cjt_gym.joint import Joint
-
-
-def resonance(joint: Joint) -> float:
-    """Return at which frequency motor and gear swing on the bar of a held output [Hz], or 0."""
-    p = joint.parameters
-    if not joint.structure_row.has_spring:
-        return 0.0
-    return math.sqrt(p.k_b / (p.I_m + p.get("I_g", 0.0))) / (2.0 * math.pi)
+from cjt_gym.joint.linear import resonance
 
 
 def warn_of_fast_resonance(joint: Joint, dt: float) -> None:
     """Warn if a joint resonates above the Nyquist frequency of its control step [s]."""
-    swing, nyquist = resonance(joint), 0.5 / dt
+    if not joint.structure_row.has_spring:
+        return
+    swing, nyquist = resonance(joint.parameters), 0.5 / dt
     if swing > nyquist:
         warnings.warn(
             f"{joint.parameters.name} resonates on its torsion bar at {swing:.3g} Hz, above the "

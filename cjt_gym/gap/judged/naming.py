@@ -153,11 +153,11 @@ def _doubt(
 
 
 def _absent(setting: Setting, name: str) -> str:
-    """Return that an effect may be absent, and so is what the joint file lists in its place."""
+    """Return that an effect may be absent, with what the joint file lists in its place."""
     listed = [other for other in in_place_of(name) if other in setting.listed]
     if not listed:
         return "its interval includes its absence"
-    return f"its interval includes its absence, and that of the {listed[0]} that the file lists"
+    return f"its interval includes its absence: there may be no {listed[0]}, though the file has it"
 
 
 def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:

@@ -50,7 +50,7 @@ TONES = 105  # three rows per harmonic: frequency, cosine, sine
 # Rows of the scratch `s` of a thread:
 X = 0  # states
 COMMAND, CURRENT, BEFORE, AFTER, PUSHED = range(6, 11)
-# The command, its current, what acts before and after it does [A or V], and the load input.
+# The command, the current of a voltage, what acts before and after a command does, the load input.
 PUSH = 11  # what motor torque and load input add to the states
 FREE = 17  # states at the end of a substep
 RIPPLE = 23  # ripple torque of the substep before
