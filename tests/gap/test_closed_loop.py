@@ -15,7 +15,7 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap.judged.closed_loop import closed_loop_gap, replay_closed_loop
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.records import Record, read_record
-from cjt_gym.training.evaluation.after_diagnosis import recorded_law
+from cjt_gym.training.evaluation.after_diagnosis import _replay, recorded_law
 
 FIXED = "output_fixed_rigid_gearbox"
 KP, FRICTION = 0.4, 2.0
@@ -124,3 +124,12 @@ def test_a_run_that_fades_in_is_replayed_so(record: Record, joints: tuple[Joint,
     share = np.minimum((record.t + record.dt) / 0.5, 1.0)
     assert faded["tau_cmd"] == pytest.approx(share * plain["tau_cmd"])
     assert share[400] < 1.0
+
+
+def test_a_run_whose_unseen_end_fades_out_is_not_replayed(
+    record: Record, joints: tuple[Joint, Joint]
+) -> None:
+    short = replace(record.slice(stop=300), provenance={"soft_s": 0.2})
+    told = r"0\.06 s that were not fitted.* fade-out of 0\.2 s"
+    with pytest.raises(ConfigurationError, match=told):
+        _replay(short, *joints, was_fitted=True, agents=())

@@ -160,12 +160,21 @@ def _replay(
     """Return the replay under the record's controller.
 
     Of a record that was fitted, only the end counts that was kept from the fit.
+
+    Raises:
+        ConfigurationError: Nothing counts, or the law of the record is not known.
     """
     from cjt_gym.gap.judged.closed_loop import closed_loop_gap
 
-    name, law = recorded_law(record, nominal, agents)
     begin = int((1.0 - TAIL) * len(record)) if was_fitted else 0
     fading = round(float(record.provenance.get("soft_s", 0.0)) / record.dt)
+    if begin >= len(record) - fading:
+        unseen, faded = (rows * record.dt for rows in (len(record) - begin, fading))
+        raise ConfigurationError(
+            f"{record.owner} has {unseen:.3g} s that were not fitted, all of them within the "
+            f"fade-out of {faded:.3g} s at its end. Record for longer."
+        )
+    name, law = recorded_law(record, nominal, agents)
     record = record.slice(stop=len(record) - fading)  # no law commands the fade-out of a run
     sensor = nominal.file.sensors.get("tau", {})
     noise, step = (np.max(sensor[k].value) if k in sensor else 0.0 for k in ("noise", "resolution"))
