@@ -20,6 +20,7 @@ STEPS = 60
 COGGING = {"f": (80.0, 480.0), "a": (0.5, 0.2), "b": (0.2, 0.1)}
 DELAYED = {"command_delay": {"delay": 1.3e-3}, "measurement_delay": {"delay": 2e-3}}
 LAGGING = {"current_lag": {"bandwidth": 60.0}, "current_saturation": {"i_p": 3.0}}
+HANGING = {"torque": 20.0, "angle": 0.5}
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "linear": ("full_dynamics", {}),
     "smooth": ("full_dynamics", {"coulomb": {}, "cogging": COGGING}),
@@ -37,8 +38,14 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
         {"coulomb": {}, **DELAYED, **LAGGING},
     ),
     "steep": ("full_dynamics", {"load_coulomb": {"d_cl": 2.0}}),
+    "weight": ("rigid_gearbox", {"gravity": HANGING}),
+    "smooth weight": ("full_dynamics", {"coulomb": {}, "cogging": COGGING, "gravity": HANGING}),
+    "sharp weight": (
+        "rigid_gearbox",
+        {"coulomb": {"dq_0": 0.0}, "load_coulomb": {"d_cl": 2.0}, "gravity": HANGING, **LAGGING},
+    ),
 }
-QUICK = ("smooth", "sharp", "lagged", "steep")
+QUICK = ("smooth", "sharp", "lagged", "steep", "smooth weight", "sharp weight")
 LOADS = {"steep": 4e-4}  # a load so light that its friction is very steep
 DRIFT = {"low": 0.9, "high": 1.1, "when": "drift", "time_constant": 0.05}
 

@@ -46,7 +46,7 @@ HANDLED = (
     *("command_delay", "command_quantization", "current_lag", "current_saturation"),
     *("torque_constant", "torque_offset", "inertia", "damping"),
     *("coulomb", "coulomb_asym", "viscous_asym", "cogging", "stiffness", "gear_stiffness"),
-    *("load_inertia", "load_coulomb"),
+    *("load_inertia", "load_coulomb", "gravity"),
     *(name for name, effect in EFFECTS.items() if effect.stage == "sensing"),
 )
 UPS = ("d_cm", "d_cg", "d_cl")
@@ -94,7 +94,8 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
         for body in range(3)
         if any(record[names[body]][0] != 0.0 for names in (UPS, DOWNS, EXTRAS))
     }
-    coordinates = sorted({*rubbing, *(groups[:1] if voltage else ())} - {-1})
+    hanging = groups[2] if "gravity" in joint.effects else -1
+    coordinates = sorted({*rubbing, hanging, *(groups[:1] if voltage else ())} - {-1})
     first, second, third = (*coordinates, 0, 0, 0)[:3]
     return Kind(
         structure.order,
@@ -107,6 +108,7 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
         ripple.shape[0],
         int("current_lag" in joint.effects and not voltage),
         int(voltage),
+        coordinates.index(hanging) + 1 if hanging >= 0 else 0,
     )
 
 
@@ -205,6 +207,7 @@ def read_parameters(
         s[at.PER_UNIT, lane] = s[at.SLOWED, lane] = per_ampere / ohms
         s[at.PER_VOLT, lane] = 1.0 / ohms
     s[at.K_B, lane], s[at.D_GL, lane] = p.k_b, p.d_gl
+    s[at.WEIGHT, lane], s[at.HANGS, lane] = p.weight, p.weight_angle
     s[at.RESOLUTION, lane] = p.command_resolution
     s[at.LATE, lane], s[at.LATE_SUB, lane] = lateness(p.command_delay, setup)
     lag = 2.0 * math.pi * p.current_bandwidth * setup.h

@@ -1,8 +1,9 @@
 """Many joints side by side: the substeps of the most common joints, in vector registers.
 
 The same equations and the same scheme as `substep`, for joints with linear springs, with Coulomb
-and one-sided viscous friction (smooth or sharp) and cogging, driven by a current source with or
-without a lag, or by a voltage without inductance. The back-EMF of the latter is viscous friction.
+and one-sided viscous friction (smooth or sharp), cogging and a weight at the load, driven by a
+current source with or without a lag, or by a voltage without inductance. The back-EMF of the latter
+is viscous friction. A weight hardly changes within a substep: it is found by repetition.
 WIDTH joints form a block: each of its rows holds one quantity, a number per joint; `p` are its
 parameters and `s` is scratch. The code reads as if for a single joint; where joints take different
 branches, `choose` computes both.
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 
 from cjt_gym.joint.kernel.arrays import Floats
 from cjt_gym.joint.kernel.compiled import inlined, lean
+from cjt_gym.joint.kernel.load_forces import TINY
 from cjt_gym.joint.lanes.vector_math import decay, sine_cosine
 from cjt_gym.joint.lanes.vectors import (
     choose,
@@ -46,7 +48,8 @@ STAYS, MEAN = 97, 98  # share of a change of current that a lag leaves after a s
 PER_VOLT, SLOWED = 99, 100  # current per voltage [A/V], and what a speed takes from it [A s/rad]
 FORE = 101  # viscous friction in the positive direction: that of a back-EMF
 LIMIT = 104  # largest current of a voltage drive [A]
-TONES = 105  # three rows per harmonic: frequency, cosine, sine
+WEIGHT, HANGS = 105, 106  # largest torque of a weight, and the angle at which it has none
+TONES = 107  # three rows per harmonic: frequency, cosine, sine
 # Rows of the scratch `s` of a thread:
 X = 0  # states
 COMMAND, CURRENT, BEFORE, AFTER, PUSHED = range(6, 11)
@@ -62,7 +65,8 @@ SINE, COSINE = 34, 35  # of its rotor, for the environment
 BEFORE_DRAG = 36  # friction torques of the substep before the last
 LAGGED = 39  # current behind a lag
 ACTING = 40  # the current or voltage that acts, within its limit
-SCRATCH_ROWS = 41
+PULL = 41  # mean torque of the weight
+SCRATCH_ROWS = 42
 
 
 class Kind(NamedTuple):
@@ -78,6 +82,7 @@ class Kind(NamedTuple):
     tones: int  # number of cogging harmonics
     lags: int  # 1 where a lag precedes the current, else 0
     volts: int  # 1 where the command is a voltage, else 0
+    weighs: int  # 1 + the number of the load's coordinate where a weight hangs there, else 0
 
 
 @inlined
@@ -103,10 +108,25 @@ def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
     return madd(dry, per_a, extra * v), slope * (per_a * per_a)
 
 
+@inlined
+def weight(kind: Kind, p: Floats, s: Floats, v: Any, h: float) -> Any:
+    """Return the mean torque of the weight over a substep at mean speed v, as `mean_gravity`."""
+    start = get(s, X + coordinate(kind, kind.weighs - 1))
+    half = 0.5 * h * v
+    sine, _ = sine_cosine(half)
+    moves = abs(half) > TINY
+    spread = choose(moves, sine / choose(moves, half, 1.0), 1.0)
+    level, _ = sine_cosine(start + half - get(p, HANGS))
+    return get(p, WEIGHT) * level * spread
+
+
 @lean
-def predict(kind: Kind, p: Floats, s: Floats) -> None:
-    """Take friction at the present speed, and no ripple."""
+def predict(kind: Kind, p: Floats, s: Floats, h: float) -> None:
+    """Take friction and weight at the present speed, and no ripple."""
     put(s, RIPPLE, 0.0)
+    if kind.weighs > 0:
+        v = get(s, X + kind.velocity + coordinate(kind, kind.weighs - 1))
+        put(s, PULL, weight(kind, p, s, v, h))
     for k in range(kind.n):
         v = get(s, X + kind.velocity + coordinate(kind, k))
         if kind.sharp:
@@ -165,6 +185,9 @@ def cog(kind: Kind, p: Floats, s: Floats, h: float) -> None:
         drag = get(s, DRAG + k)
         q = q - get(p, RUB + 6 * k) * drag
         dq = dq - get(p, RUB + 6 * k + speed) * drag
+    if kind.weighs > 0:
+        q = q - get(p, RUB + 6 * (kind.weighs - 1)) * get(s, PULL)
+        dq = dq - get(p, RUB + 6 * (kind.weighs - 1) + speed) * get(s, PULL)
     q = 0.5 * (get(s, X) + q) + 0.125 * h * (get(s, X + speed) - dq)
     total = 0.0 * q
     for j in range(kind.tones):
@@ -188,6 +211,8 @@ def aim(kind: Kind, p: Floats, s: Floats, h: float) -> None:
     for k in range(kind.n):
         g = coordinate(kind, k)
         v = (madd(get(p, MOTOR + g), ripple, get(s, FREE + g)) - get(s, X + g)) * per_h
+        if kind.weighs > 0:
+            v = v - get(p, MOBILITY + 3 * k + kind.weighs - 1) * get(s, PULL)
         put(s, WANTED + k, v)
         for m in range(kind.n):
             v = v - get(p, MOBILITY + 3 * k + m) * get(s, DRAG + m)
@@ -293,11 +318,29 @@ def project(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
 
 
 @lean
-def solve(kind: Kind, p: Floats, s: Floats) -> None:
-    """Solve for friction and speeds together, and note the joints for which that failed."""
+def hang(kind: Kind, p: Floats, s: Floats, busy: Any, h: float) -> Any:
+    """Take the weight at the mean speed, where it is not solved; return where it is not settled."""
+    k, before = kind.weighs - 1, get(s, PULL)
+    change = choose(busy, weight(kind, p, s, get(s, SPEED + k), h) - before, 0.0)
+    put(s, PULL, before + change)
+    for m in range(kind.n):
+        moved = get(p, MOBILITY + 3 * m + k) * change
+        put(s, WANTED + m, get(s, WANTED + m) - moved)
+    moved = abs(change) * get(p, MOBILITY + 4 * k)
+    if kind.sharp:
+        return busy & ~(moved - 1e-13 * abs(get(s, WANTED + k)) <= SHARP_SOLVED)
+    return busy & ~(moved - 1e-9 * abs(get(s, SPEED + k)) <= get(p, ENOUGH))
+
+
+@lean
+def solve(kind: Kind, p: Floats, s: Floats, h: float) -> None:
+    """Solve for friction, weight and speeds together, and note the joints for which that failed."""
     steep = get(p, STEEP)
     busy = steep == steep
+    if kind.weighs > 0:
+        hang(kind, p, s, busy, h)
     for _ in range(SWEEPS if kind.sharp else NEWTON):
+        before = busy
         if kind.sharp:
             busy = project(kind, p, s, busy)
         elif kind.n == 1:
@@ -306,6 +349,8 @@ def solve(kind: Kind, p: Floats, s: Floats) -> None:
             busy = newton_2(p, s, busy)
         else:
             busy = newton_3(p, s, busy)
+        if kind.weighs > 0:
+            busy = busy | hang(kind, p, s, before, h)
         if not somewhere(busy):
             return
     put(s, FAILED, choose(busy, 1.0, get(s, FAILED)))
@@ -337,12 +382,14 @@ def conduct(p: Floats, s: Floats) -> None:
 
 @lean
 def arrive(kind: Kind, p: Floats, s: Floats) -> None:
-    """Add ripple and the friction that was found."""
+    """Add ripple, friction and weight as they were found."""
     ripple, end = get(s, RIPPLE), FREE if kind.sharp else X
     for i in range(kind.order):
         value = madd(get(p, MOTOR + i), ripple, get(s, FREE + i))
         for k in range(kind.n):
             value = value - get(p, RUB + 6 * k + i) * get(s, DRAG + k)
+        if kind.weighs > 0:
+            value = value - get(p, RUB + 6 * (kind.weighs - 1) + i) * get(s, PULL)
         put(s, end + i, value)
     if kind.sharp:
         stop(kind, p, s)
@@ -353,7 +400,7 @@ def arrive(kind: Kind, p: Floats, s: Floats) -> None:
 @lean
 def run(kind: Kind, p: Floats, s: Floats, substeps: int, h: float) -> None:
     """Take the substeps of a control step, and note whose equations stay unsolved."""
-    predict(kind, p, s)
+    predict(kind, p, s, h)
     for step in range(substeps):
         if step == 0 or kind.lags or somewhere(get(p, LATE_SUB) == float(step)):
             push(kind, p, s, step)
@@ -364,7 +411,7 @@ def run(kind: Kind, p: Floats, s: Floats, substeps: int, h: float) -> None:
             cog(kind, p, s, h)
         aim(kind, p, s, h)
         if kind.n > 0:
-            solve(kind, p, s)
+            solve(kind, p, s, h)
         if kind.volts:
             conduct(p, s)
         arrive(kind, p, s)
