@@ -188,7 +188,9 @@ def words(outcome: Outcome) -> str:
         f"{held['high']:.3f})",
         f"gain margin {a.gain_margin:.3g}, phase margin {a.phase_margin:.3g} deg, delay margin "
         f"{1e3 * a.delay_margin:.3g} ms, Ms {a.sensitivity_peak:.3g}, noise "
-        f"{a.noise_amplification:.3g}, damping that the port lacks, of sqrt(k I), {port}",
+        f"{a.noise_amplification:.3g}, damping that the port lacks, of sqrt(k I), {port}"
+        if a.stable
+        else "The loop around the nominal joint is unstable.",
     ]
     if not a.linear:
         lines.append(

@@ -184,7 +184,8 @@ def test_commands_take_it(law: str, capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert main([*run, "--controller", word]) == 0
     error = json.loads(capsys.readouterr().out)["rmse"]
-    tuned = ["--joint", JOINT, "--budget", "3", "--episodes", "4", "--out", "kp.toml", "--json"]
+    # the usual kp is unstable, so that any that is stable takes its place
+    tuned = ["--joint", JOINT, "--budget", "12", "--episodes", "4", "--out", "kp.toml", "--json"]
     for _ in range(2):  # the second time the file is there
         assert main(["tune", word, *tuned]) == 0
         assert set(json.loads(capsys.readouterr().out)["gains"]) == {"kp"}

@@ -83,6 +83,14 @@ def test_every_limit_counts(change: dict[str, float], broken: bool) -> None:
     assert (Limits().violation(replace(good, **change)) > 0.0) == broken
 
 
+def test_an_unstable_loop_has_no_margins() -> None:
+    joint = linear_joint(joint_of(realistic_conditions(JOINT)))
+    found = assess(PdFeedForward(0.5, 0.0, 1e-3), joint, probe_plant(joint, 1e-3), 1.0)
+    facts = found.to_dict()
+    assert facts.pop("growth") > 0.0
+    assert facts == {"linear": True, "stable": False}
+
+
 @pytest.mark.slow
 def test_a_law_that_is_not_linear_is_assessed_by_simulation() -> None:
     conditions = realistic_conditions(JOINT)

@@ -124,8 +124,13 @@ class Assessment:
     robust: bool = True
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain data; what is not finite or not known is left out."""
+        """Return the same as plain data; what is not finite or not known is left out.
+
+        An unstable loop has no margins, only poles.
+        """
         values = asdict(self)
+        if not self.stable:
+            values = {name: values[name] for name in ("linear", "stable", "growth")}
         return {
             name: value
             for name, value in values.items()
