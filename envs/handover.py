@@ -39,7 +39,7 @@ LETTERS: dict[str, Any] = {
 PARTS: tuple[tuple[Any, str], ...] = (
     (Batch, "p1 d3 d3 d3 d2 d2 d2 d1 d2 d3 d3 d2 i1 u1"),
     (Setup, "i3tuple i0 i0 i0 b0 d0 i0 d0"),
-    (Kind, "i0 i0 i0 i0 i0 i0 i0 i0 i0 i0 i0"),
+    (Kind, "i0 i0 i0 i0 i0 i0 i0 i0 i0 i0 i0 i0"),
     (Blocks, "d3 d3 b1 b1 d3"),
     (
         Task,

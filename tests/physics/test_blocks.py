@@ -20,6 +20,7 @@ STEPS = 60
 COGGING = {"f": (80.0, 480.0), "a": (0.5, 0.2), "b": (0.2, 0.1)}
 DELAYED = {"command_delay": {"delay": 1.3e-3}, "measurement_delay": {"delay": 2e-3}}
 LAGGING = {"current_lag": {"bandwidth": 60.0}, "current_saturation": {"i_p": 3.0}}
+BREAKAWAY = {"d_cm": 1.0, "d_sm": 2.0, "v_s": 0.1}
 HANGING = {"torque": 20.0, "angle": 0.5}
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "linear": ("full_dynamics", {}),
@@ -38,6 +39,11 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
         {"coulomb": {}, **DELAYED, **LAGGING},
     ),
     "steep": ("full_dynamics", {"load_coulomb": {"d_cl": 2.0}}),
+    "breakaway": ("full_dynamics", {"stribeck": BREAKAWAY, "gravity": HANGING, "cogging": COGGING}),
+    "sharp breakaway": (
+        "rigid_gearbox",
+        {"stribeck": BREAKAWAY | {"dq_0": 0.0, "d_sl": 1.0}, "viscous_asym": {"d_m_n": 1.0}},
+    ),
     "weight": ("rigid_gearbox", {"gravity": HANGING}),
     "smooth weight": ("full_dynamics", {"coulomb": {}, "cogging": COGGING, "gravity": HANGING}),
     "sharp weight": (
@@ -45,7 +51,16 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
         {"coulomb": {"dq_0": 0.0}, "load_coulomb": {"d_cl": 2.0}, "gravity": HANGING, **LAGGING},
     ),
 }
-QUICK = ("smooth", "sharp", "lagged", "steep", "smooth weight", "sharp weight")
+QUICK = (
+    "smooth",
+    "sharp",
+    "sharp breakaway",
+    "lagged",
+    "steep",
+    "smooth weight",
+    "sharp weight",
+    "breakaway",
+)
 LOADS = {"steep": 4e-4}  # a load so light that its friction is very steep
 DRIFT = {"low": 0.9, "high": 1.1, "when": "drift", "time_constant": 0.05}
 
@@ -101,7 +116,7 @@ def test_a_state_that_is_not_finite_is_reported() -> None:
 
 
 def test_other_joints_use_the_general_kernel() -> None:
-    for effects in ({"stribeck": {"d_sm": 1.0, "v_s": 0.1}}, {"backlash": {"gap": 0.01}}):
+    for effects in ({"presliding": {"d_cm": 1.0, "sigma_m": 1e3}}, {"backlash": {"gap": 0.01}}):
         joint = load_joint("orange_80_6000", "full_dynamics", effects=effects)
         plant = SimulatedPlant(joint, 2)
         plant.batch.use_blocks(joint)

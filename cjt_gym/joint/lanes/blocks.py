@@ -45,13 +45,14 @@ LINE = 64  # bytes of a cache line, on which blocks begin
 HANDLED = (
     *("command_delay", "command_quantization", "current_lag", "current_saturation"),
     *("torque_constant", "torque_offset", "inertia", "damping"),
-    *("coulomb", "coulomb_asym", "viscous_asym", "cogging", "stiffness", "gear_stiffness"),
-    *("load_inertia", "load_coulomb", "gravity"),
+    *("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "cogging", "stiffness"),
+    *("gear_stiffness", "load_inertia", "load_coulomb", "gravity"),
     *(name for name, effect in EFFECTS.items() if effect.stage == "sensing"),
 )
 UPS = ("d_cm", "d_cg", "d_cl")
 DOWNS = ("d_cm_n", "d_cg_n", "d_cl_n")
 EXTRAS = ("d_m_extra_n", "d_g_extra_n", "d_l_extra_n")
+EXCESSES = ("d_sm", "d_sg", "d_sl")
 
 
 class Blocks(NamedTuple):
@@ -92,7 +93,7 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
     rubbing = {
         groups[body]
         for body in range(3)
-        if any(record[names[body]][0] != 0.0 for names in (UPS, DOWNS, EXTRAS))
+        if any(record[names[body]][0] != 0.0 for names in (UPS, DOWNS, EXTRAS, EXCESSES))
     }
     hanging = groups[2] if "gravity" in joint.effects else -1
     coordinates = sorted({*rubbing, hanging, *(groups[:1] if voltage else ())} - {-1})
@@ -108,6 +109,7 @@ def kind_of(joint: Joint, voltage: bool, *, torque: bool = True) -> Kind | None:
         ripple.shape[0],
         int("current_lag" in joint.effects and not voltage),
         int(voltage),
+        int("stribeck" in joint.effects),
         coordinates.index(hanging) + 1 if hanging >= 0 else 0,
     )
 
@@ -132,13 +134,13 @@ def make_blocks(kind: Kind, num: int, threads: int = 1) -> Blocks:
 
 
 @lean
-def body_friction(p: Any, body: int) -> tuple[float, float, float]:
-    """Return Coulomb levels of both directions and the extra viscous friction of a body."""
+def body_friction(p: Any, body: int) -> tuple[float, float, float, float]:
+    """Return Coulomb levels of both directions, the extra viscous friction, and the breakaway."""
     if body == 0:
-        return p.d_cm, p.d_cm_n, p.d_m_extra_n
+        return p.d_cm, p.d_cm_n, p.d_m_extra_n, p.d_sm
     if body == 1:
-        return p.d_cg, p.d_cg_n, p.d_g_extra_n
-    return p.d_cl, p.d_cl_n, p.d_l_extra_n
+        return p.d_cg, p.d_cg_n, p.d_g_extra_n, p.d_sg
+    return p.d_cl, p.d_cl_n, p.d_l_extra_n, p.d_sl
 
 
 @lean
@@ -146,22 +148,36 @@ def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int, back_e
     """Read the friction of a joint, back-EMF included; return whether it fits the kind."""
     left = 0.0
     for k in range(kind.n):
-        s[at.UP + k, lane] = s[at.DOWN + k, lane] = 0.0
+        s[at.UP + k, lane] = s[at.DOWN + k, lane] = s[at.EXCESS + k, lane] = 0.0
         s[at.FORE + k, lane] = s[at.EXTRA + k, lane] = back_emf if k == 0 else 0.0
     for body in range(3):
-        up, down, extra = body_friction(p, body)
+        up, down, extra, excess = body_friction(p, body)
+        excess = excess if p.v_s > 0.0 else 0.0
         found = setup.groups[body] < 0
         for k in range(kind.n):
             if setup.groups[body] == coordinate(kind, k):
                 s[at.UP + k, lane] += up
                 s[at.DOWN + k, lane] += down
                 s[at.EXTRA + k, lane] += extra
+                s[at.EXCESS + k, lane] += excess
                 found = True
-        left += 0.0 if found else abs(up) + abs(down) + abs(extra)
+        left += 0.0 if found else abs(up) + abs(down) + abs(extra) + abs(excess)
     width = p.dq_0 if p.dq_0 > 0.0 else 1.0
     s[at.STEEP, lane], s[at.ENOUGH, lane] = 1.0 / width, 1e-10 + 1e-7 * width
     s[at.CLOSE, lane] = 0.5 * math.sqrt(s[at.ENOUGH, lane] * width)
+    s[at.PER_V_S, lane] = 1.0 / p.v_s if p.v_s > 0.0 else 0.0
+    if kind.falls:  # its curve bends elsewhere, too
+        s[at.CLOSE, lane] = s[at.ENOUGH, lane]
     return left == 0.0 and (kind.n == 0 or (p.dq_0 == 0.0) == (kind.sharp == 1))
+
+
+@lean
+def is_unique(kind: Kind, s: Floats, lane: int, k: int) -> bool:
+    """Whether friction falls so slowly that the speed of coordinate k has one solution."""
+    fall = 0.0
+    for m in range(kind.n):
+        fall += abs(s[at.MOBILITY + 3 * k + m, lane]) * abs(s[at.EXCESS + m, lane])
+    return bool(fall * s[at.PER_V_S, lane] * at.STEEPEST_FALL < at.UNIQUE)
 
 
 @lean
@@ -197,6 +213,7 @@ def read_parameters(
         for m in range(kind.n):
             torque = b[coordinate(kind, k), 2 + coordinate(kind, m)]
             s[at.MOBILITY + 3 * k + m, lane] = torque / setup.h
+        usable = usable and is_unique(kind, s, lane, k)
     for j in range(kind.tones):
         row, tone = at.TONES + 3 * j, batch.ripple[i, j]
         s[row, lane] = tone[0]

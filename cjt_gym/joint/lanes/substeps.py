@@ -1,9 +1,11 @@
 """Many joints side by side: the substeps of the most common joints, in vector registers.
 
 The same equations and the same scheme as `substep`, for joints with linear springs, with Coulomb
-and one-sided viscous friction (smooth or sharp), cogging and a weight at the load, driven by a
-current source with or without a lag, or by a voltage without inductance. The back-EMF of the latter
-is viscous friction. A weight hardly changes within a substep: it is found by repetition.
+and one-sided viscous friction (smooth or sharp), a breakaway above it, cogging and a weight at the
+load, driven by a current source with or without a lag, or by a voltage without inductance. The
+back-EMF of the latter is viscous friction. A weight hardly changes within a substep: it is found by
+repetition. A breakaway may fall so steeply that a substep has several solutions; such joints are
+not for these lanes (`UNIQUE`).
 WIDTH joints form a block: each of its rows holds one quantity, a number per joint; `p` are its
 parameters and `s` is scratch. The code reads as if for a single joint; where joints take different
 branches, `choose` computes both.
@@ -27,6 +29,8 @@ from cjt_gym.joint.lanes.vectors import (
 
 NEWTON = 20  # as in `implicit_solver`
 SWEEPS = 60  # the same with sharp friction, which may change sides in between
+UNIQUE = 0.95  # bound on the steepest fall of friction over the inertia's h / I, for one solution
+STEEPEST_FALL = 0.8577638849607068  # of exp(-x^2), at x = sqrt(1/2)
 SHARP_SOLVED = 1e-15  # change of speed in the last sweep, relative to the largest so far
 
 # Rows of the parameters `p` of a block:
@@ -49,7 +53,8 @@ PER_VOLT, SLOWED = 99, 100  # current per voltage [A/V], and what a speed takes 
 FORE = 101  # viscous friction in the positive direction: that of a back-EMF
 LIMIT = 104  # largest current of a voltage drive [A]
 WEIGHT, HANGS = 105, 106  # largest torque of a weight, and the angle at which it has none
-TONES = 107  # three rows per harmonic: frequency, cosine, sine
+EXCESS, PER_V_S = 107, 110  # breakaway above the levels, and 1 / v_s
+TONES = 111  # three rows per harmonic: frequency, cosine, sine
 # Rows of the scratch `s` of a thread:
 X = 0  # states
 COMMAND, CURRENT, BEFORE, AFTER, PUSHED = range(6, 11)
@@ -82,6 +87,7 @@ class Kind(NamedTuple):
     tones: int  # number of cogging harmonics
     lags: int  # 1 where a lag precedes the current, else 0
     volts: int  # 1 where the command is a voltage, else 0
+    falls: int  # 1 where friction falls from a breakaway, else 0
     weighs: int  # 1 + the number of the load's coordinate where a weight hangs there, else 0
 
 
@@ -92,7 +98,15 @@ def coordinate(kind: Kind, k: int) -> int:
 
 
 @inlined
-def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
+def breakaway(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
+    """Return what a breakaway adds to the level of friction at velocity v, and its slope."""
+    ratio = v * get(p, PER_V_S)
+    bump = get(p, EXCESS + k) * decay(0.5 * ratio * ratio)
+    return bump, -2.0 * bump * ratio * get(p, PER_V_S)
+
+
+@inlined
+def friction(kind: Kind, p: Floats, k: int, v: Any) -> tuple[Any, Any]:
     """Return the smooth friction on coordinate k at velocity v, and its slope.
 
     With e = exp(-2 |v| / dq_0), tanh is (1 - e) / (1 + e) of its sign, its slope 4 e / (1 + e)^2.
@@ -102,10 +116,16 @@ def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
     extra = choose(ahead, get(p, FORE + k), get(p, EXTRA + k))
     e = decay(v * steep)
     a = 1.0 + e
-    slope = madd(4.0 * steep * level, e, extra * (a * a))
     per_a = 1.0 / a
-    dry = level * choose(ahead, 1.0 - e, e - 1.0)
-    return madd(dry, per_a, extra * v), slope * (per_a * per_a)
+    signed = choose(ahead, 1.0 - e, e - 1.0)
+    if kind.falls:
+        bump, falling = breakaway(p, k, v)
+        level = level + bump
+        extra_slope = madd(falling * signed, per_a, extra)
+    else:
+        extra_slope = extra
+    slope = madd(4.0 * steep * level, e, extra_slope * (a * a))
+    return madd(level * signed, per_a, extra * v), slope * (per_a * per_a)
 
 
 @inlined
@@ -131,11 +151,14 @@ def predict(kind: Kind, p: Floats, s: Floats, h: float) -> None:
         v = get(s, X + kind.velocity + coordinate(kind, k))
         if kind.sharp:
             up, down = get(p, UP + k), get(p, DOWN + k)
+            if kind.falls:
+                bump, _ = breakaway(p, k, v)
+                up, down = up + bump, down + bump
             behind = get(p, EXTRA + k) * v - down
             held, before = 0.5 * (up - down), get(p, FORE + k) * v + up
             put(s, DRAG + k, choose(v > 0.0, before, choose(v < 0.0, behind, held)))
         else:
-            torque, _ = friction(p, k, v)
+            torque, _ = friction(kind, p, k, v)
             put(s, DRAG + k, torque)
             put(s, BEFORE_DRAG + k, torque)
 
@@ -241,20 +264,20 @@ def settle(
 
 
 @lean
-def newton_1(p: Floats, s: Floats, busy: Any) -> Any:
+def newton_1(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
     """Take one step of Newton's method for one coordinate; return where it is not solved."""
     v, w = get(s, SPEED), get(p, MOBILITY)
-    r, g = friction(p, 0, v)
+    r, g = friction(kind, p, 0, v)
     change = (v - get(s, WANTED) + w * r) / (1.0 + w * g)
     return busy & ~settle(p, s, 0, busy, v, (r, g), change)
 
 
 @lean
-def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
+def newton_2(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
     """Take one step for two coordinates."""
     v1, v2 = get(s, SPEED), get(s, SPEED + 1)
-    r1, g1 = friction(p, 0, v1)
-    r2, g2 = friction(p, 1, v2)
+    r1, g1 = friction(kind, p, 0, v1)
+    r2, g2 = friction(kind, p, 1, v2)
     w11, w12 = get(p, MOBILITY), get(p, MOBILITY + 1)
     w21, w22 = get(p, MOBILITY + 3), get(p, MOBILITY + 4)
     e1 = v1 - get(s, WANTED) + w11 * r1 + w12 * r2
@@ -268,12 +291,12 @@ def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
 
 
 @lean
-def newton_3(p: Floats, s: Floats, busy: Any) -> Any:
+def newton_3(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
     """Take one step for three coordinates."""
     v1, v2, v3 = get(s, SPEED), get(s, SPEED + 1), get(s, SPEED + 2)
-    r1, g1 = friction(p, 0, v1)
-    r2, g2 = friction(p, 1, v2)
-    r3, g3 = friction(p, 2, v3)
+    r1, g1 = friction(kind, p, 0, v1)
+    r2, g2 = friction(kind, p, 1, v2)
+    r3, g3 = friction(kind, p, 2, v3)
     w11, w12, w13 = get(p, MOBILITY), get(p, MOBILITY + 1), get(p, MOBILITY + 2)
     w21, w22, w23 = get(p, MOBILITY + 3), get(p, MOBILITY + 4), get(p, MOBILITY + 5)
     w31, w32, w33 = get(p, MOBILITY + 6), get(p, MOBILITY + 7), get(p, MOBILITY + 8)
@@ -303,13 +326,26 @@ def project(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
         for m in range(kind.n):
             target = target - get(p, MOBILITY + 3 * k + m) * get(s, DRAG + m)
         up, down, extra = get(p, UP + k), get(p, DOWN + k), get(p, EXTRA + k)
-        ahead, behind = target - w * up, (target + w * down) / (1.0 + w * extra)
+        fore, back = 0.0 * up, extra
+        starts, turns = target > w * up, target < 0.0 - w * down
         if kind.volts:
-            ahead = ahead / (1.0 + w * get(p, FORE + k))
-            up = madd(get(p, FORE + k), ahead, up)
-        forward, backward = ahead > 0.0, behind < 0.0
-        v = choose(forward, ahead, choose(backward, behind, 0.0))
-        torque = choose(forward, up, choose(backward, extra * v - down, target / w))
+            fore = get(p, FORE + k)
+        if kind.falls:  # linear around the speed of the last sweep, and level at rest
+            excess = get(p, EXCESS + k)
+            starts, turns = target > w * (up + excess), target < 0.0 - w * (down + excess)
+            near = get(s, SPEED + k)
+            near = choose((starts & (near > 0.0)) | (turns & (near < 0.0)), near, 0.0)
+            bump, falling = breakaway(p, k, near)
+            bump = bump - falling * near
+            up, down = up + bump, down + bump
+            fore, back = fore + falling, back - falling
+        ahead, behind = target - w * up, target + w * down
+        if kind.volts or kind.falls:
+            ahead = ahead / (1.0 + w * fore)
+            up = madd(fore, ahead, up)
+        behind = behind / (1.0 + w * back)
+        v = choose(starts, ahead, choose(turns, behind, 0.0))
+        torque = choose(starts, up, choose(turns, back * v - down, target / w))
         put(s, SPEED + k, choose(busy, v, get(s, SPEED + k)))
         put(s, DRAG + k, choose(busy, torque, before))
         moved = abs(torque - before) * w - 1e-13 * abs(target)
@@ -344,11 +380,11 @@ def solve(kind: Kind, p: Floats, s: Floats, h: float) -> None:
         if kind.sharp:
             busy = project(kind, p, s, busy)
         elif kind.n == 1:
-            busy = newton_1(p, s, busy)
+            busy = newton_1(kind, p, s, busy)
         elif kind.n == 2:
-            busy = newton_2(p, s, busy)
+            busy = newton_2(kind, p, s, busy)
         else:
-            busy = newton_3(p, s, busy)
+            busy = newton_3(kind, p, s, busy)
         if kind.weighs > 0:
             busy = busy | hang(kind, p, s, before, h)
         if not somewhere(busy):
@@ -364,6 +400,8 @@ def stop(kind: Kind, p: Floats, s: Floats) -> None:
         row = kind.velocity + g
         v, end = get(s, SPEED + k), get(s, FREE + row)
         up, down = get(p, UP + k), get(p, DOWN + k)
+        if kind.falls:
+            up, down = up + get(p, EXCESS + k), down + get(p, EXCESS + k)
         dry = choose(v > 0.0, up, 0.0 - down)
         needed = (end - get(s, X + row)) / get(p, RUB + 6 * k + row) + dry
         turned = (end * v < 0.0) & ((0.0 - down <= needed) & (needed <= up))
