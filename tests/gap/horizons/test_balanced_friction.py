@@ -22,7 +22,8 @@ RIGID, TORQUE, SPEED = get_structure("rigid"), 0.4, 0.05
 def steady(*levels: float, dry: float = 0.2) -> Record:
     """Return a log of a rotor that is driven by torques in turn, 4 s each."""
     drive = np.repeat(levels, round(4.0 / DT))
-    turned = DT * np.cumsum(SPEED * (drive - dry) / (TORQUE - dry))
+    speed = SPEED * np.sign(drive) * (np.abs(drive) - dry) / (TORQUE - dry)
+    turned = DT * np.cumsum(speed)
     scatter = np.random.default_rng(1).normal(0.0, 1e-5, len(drive))
     columns = {"t": DT * np.arange(len(drive)), "i": drive, "q_m": turned + scatter}
     return Record(columns, {"t": "s", "i": "A", "q_m": "rad"}, structure="rigid")
@@ -45,6 +46,22 @@ def test_friction_that_takes_all_of_one_torque_is_delicate(
 ) -> None:
     case = make_case([steady(*levels)], [], datasheet(1.0), RIGID)
     assert is_delicate(case.fit, as_joint(with_friction(dry * TORQUE), case)) == delicate
+
+
+def test_so_is_friction_that_takes_all_of_one_torque_in_each_direction() -> None:
+    back = 0.9 * TORQUE
+    case = make_case([steady(TORQUE, -back)], [], datasheet(1.0), RIGID)
+    rows = {"d_cm": 0.999 * TORQUE, "d_cm_n": 0.999 * back}
+    file = replace(
+        with_friction(0.999 * TORQUE),
+        effects={
+            "coulomb_asym": {n: Quantity(x, "N m", "test") for n, x in rows.items()}
+            | {"dq_0": Quantity(0.0, "rad/s", "test")}
+        },
+    )
+    assert is_delicate(case.fit, as_joint(file, case))
+    others = make_case([steady(TORQUE, 0.3, -back)], [], datasheet(1.0), RIGID)
+    assert not is_delicate(others.fit, as_joint(file, others))
 
 
 def test_its_share_is_limited_then() -> None:

@@ -19,8 +19,10 @@ from cjt_gym.gap.horizons.prediction.placement import WHOLE
 from cjt_gym.gap.horizons.prediction.windows import Windows
 from cjt_gym.joint import Joint
 
-LEVEL = 0.05
-"""Relative difference of the quartiles of the input up to which it has one level."""
+LEVEL, DRIVEN = 0.05, 0.75
+"""Relative difference of the quartiles of the input in a direction up to which it has one level,
+and least share of the samples in which there is an input. A level in each direction is no more than
+one: friction that differs with the direction balances both."""
 MORE, FAR = 0.1, 20.0
 """Relative increase of the input, and the relative change of the motion, as a multiple of that,
 above which a balance is delicate: on two real logs of one voltage it was 172 and 2200, on 44 others
@@ -54,9 +56,16 @@ def is_delicate(windows: Windows, joint: Joint) -> bool:
 
 
 def _has_one_level(logs: Sequence[Log]) -> bool:
-    """Return whether the input of some logs has the same magnitude in half of their samples."""
-    low, high = np.quantile(np.concatenate([np.abs(log.command) for log in logs]), (0.25, 0.75))
-    return bool(high - low <= LEVEL * high)
+    """Return whether the input of some logs has one magnitude in each direction, and hardly rests.
+
+    Half of the samples of a direction may be beside it.
+    """
+    u = np.concatenate([log.command for log in logs])
+    least = LEVEL * np.abs(u).max()
+    sides = [x for x in (u[u > least], -u[u < -least]) if len(x)]
+    ends = [np.quantile(x, (0.25, 0.75)) for x in sides]
+    driven = sum(len(x) for x in sides) >= DRIVEN * len(u)
+    return bool(driven and all(high - low <= LEVEL * high for low, high in ends))
 
 
 def limited(terms: Sequence[Term], peak: float) -> list[Term]:
