@@ -16,11 +16,11 @@ from cjt_gym.gap.diagnosis import Interval, NamedEffect, StageGap
 from cjt_gym.gap.horizons.findings.answer import _with_elsewhere
 from cjt_gym.gap.horizons.findings.as_diagnosis import marked, without_late_drive
 from cjt_gym.gap.horizons.findings.corrected_values import gave_way
+from cjt_gym.gap.horizons.findings.late_drive import with_late_drive
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
 from cjt_gym.gap.horizons.findings.stages_kept import (
     _may_be_another,
     _with_stated_value,
-    with_late_drive,
 )
 from cjt_gym.gap.horizons.prediction.case import Case, as_joint, make_case
 from cjt_gym.gap.horizons.prediction.drive import DriveFit

@@ -20,13 +20,13 @@ from cjt_gym.gap.horizons.findings.as_diagnosis import retold
 from cjt_gym.gap.horizons.findings.by_torque import DRY
 from cjt_gym.gap.horizons.findings.corrected_values import BESIDE, LATE, NAMELESS, gave_way, refined
 from cjt_gym.gap.horizons.findings.disturbance import disturbed
+from cjt_gym.gap.horizons.findings.late_drive import with_dead_time, with_late_drive
 from cjt_gym.gap.horizons.findings.naming import as_plain
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
 from cjt_gym.gap.horizons.findings.stages_kept import (
     BETTER,
     standing,
     with_drag,
-    with_late_drive,
     without_open,
 )
 from cjt_gym.gap.horizons.findings.verdict import main_row
@@ -107,14 +107,15 @@ def _told(
 ) -> Diagnosis:
     """Return the diagnosis of the joint that is the answer."""
     if found.answer == "stages":
-        told = allowed_by(standing(first, found), excluded)
+        told = allowed_by(with_dead_time(standing(first, found), found, excluded), excluded)
         text = f"{_contradicted(found)} {told.unexplained.text}".strip()
         left = replace(told.unexplained, text=text)
         effects = tuple(as_plain(effect) for effect in told.effects)
         return replace(told, effects=effects, unexplained=left)
     told = retold(first, found, excluded, title)
     told = _with_elsewhere(told, first, measured=measured)
-    told = allowed_by(with_drag(with_late_drive(told, found), found), excluded)
+    told = with_dead_time(with_late_drive(told, found), found, excluded)
+    told = allowed_by(with_drag(told, found), excluded)
     beside = any(e.name not in MEASURES for e in told.effects) and found.answer == "found"
     strained = gave_way(found, told.effects) if beside else ""
     said = (_ahead(found), _contradicted(found), strained, told.unexplained.text)

@@ -50,6 +50,7 @@ SYMBOLS = {
     "cogging": ("f", "a", "b"),
     "torque_constant": ("k_t",),
     "load_friction": ("mu_m",),
+    "command_delay": ("delay",),
 }
 BODIES = {
     "damping": "motor", "coulomb": "motor", "presliding": "motor", "load_friction": "motor",
@@ -63,6 +64,7 @@ EITHER: Mapping[str, tuple[str, ...]] = {
     "cogging": ("gear_ripple",),
     "torque_constant": ("load_friction",),
     "load_friction": ("torque_constant",),
+    "command_delay": ("current_lag",),
 }
 """Explanations that are (nearly) equivalent while a joint moves: none of them is confirmed."""
 DRY = friction.DRY | {"load_friction"}
@@ -76,6 +78,7 @@ SAME: Mapping[str, frozenset[str]] = {
     "cogging": frozenset(),
     "torque_constant": frozenset(),
     "load_friction": frozenset(),
+    "command_delay": frozenset({"current_lag"}),
 }
 """For each effect that the torque shows, effects that already account for it or its remainder."""
 FRICTION = frozenset({"damping", "coulomb", "presliding", "load_friction"})

@@ -21,8 +21,8 @@ from cjt_gym.gap.horizons.findings.as_diagnosis import horizons_of
 from cjt_gym.gap.horizons.findings.corrected_values import LATE, corrected, gave_way, left_tolerance
 from cjt_gym.gap.horizons.findings.found_joint import found_at
 from cjt_gym.gap.horizons.findings.held_output import held_alike
+from cjt_gym.gap.horizons.findings.late_drive import with_late_drive
 from cjt_gym.gap.horizons.findings.misfit import Wider, widened
-from cjt_gym.gap.horizons.findings.naming import of_drive
 from cjt_gym.gap.horizons.findings.verdict import DRIFTLESS, main_row, unexplained_of
 from cjt_gym.gap.horizons.prediction.case import as_joint
 from cjt_gym.gap.horizons.prediction.model import MEASURES
@@ -84,21 +84,6 @@ def with_drag(told: Diagnosis, found: Judgement) -> Diagnosis:
     why = f"the drag grows {law} than in proportion to the speed"
     effects = (e.doubted(why) if e.name in DRAGS else e for e in told.effects)
     return replace(told, effects=tuple(effects))
-
-
-def with_late_drive(told: Diagnosis, found: Judgement) -> Diagnosis:
-    """Return a diagnosis with the delay or lag of a drive of which more stays unexplained.
-
-    The stages name nothing small there, but the current that was measured follows later. If a log
-    is slower than the drive, they leave open when within a sample it was written, and see less.
-    """
-    known, drive = {e.name for e in told.effects}, found.case.drive
-    late = drive is not None and drive.beyond_a_row
-    if not (late or told.unexplained.stage == "drive") or known & LATE:
-        return told
-    verdict = {"no_gap": "explained"}.get(told.verdict, told.verdict)
-    effects = (*told.effects, *of_drive(found))
-    return replace(told, verdict=verdict if late else told.verdict, effects=effects)
 
 
 def without_open(first: Diagnosis, file: JointFile) -> Diagnosis:

@@ -36,6 +36,7 @@ from cjt_gym.gap.horizons.selection.starts import best_start
 from cjt_gym.gap.horizons.selection.stepwise import beyond, is_needed, kept_near
 from cjt_gym.gap.horizons.selection.worth import LOUDLY, Worth, worth
 from cjt_gym.gap.horizons.torque.baseline import least_squares
+from cjt_gym.gap.horizons.torque.dead_time import DELAY
 from cjt_gym.gap.horizons.torque.inverse import ONE_WAY, is_inertia_alone_off, seen_in_torque
 from cjt_gym.gap.horizons.torque.over_angle import over_angle, wave_of
 from cjt_gym.gap.recorded.cut import Cut
@@ -215,7 +216,8 @@ def _proposed(
     weighed = any(t.name == "gravity" and t.restated for t in may)
     if alone or (weighed and case.cut is not Cut.BY_TORQUE):
         loose = [t for t in loose if t.name != CONSTANT]  # all but one value would scale with it
-    return base, likelier([*may, *own, *loose], seen)
+    late = {"current_lag"} if DELAY in seen else set()  # the torque tells them apart no better
+    return base, likelier([*may, *own, *loose], {*seen, *late})
 
 
 def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple[Worth, ...]]:

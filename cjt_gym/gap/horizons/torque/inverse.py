@@ -13,10 +13,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_erosion, convolve1d
+from scipy.ndimage import binary_erosion
 
 from cjt_gym.gap.horizons.prediction.log import LEAST_SMOOTH, STUCK, Log, felt_torque
 from cjt_gym.gap.horizons.prediction.model import motor_inertia
+from cjt_gym.gap.horizons.torque.averaged import averaged
 from cjt_gym.gap.horizons.torque.bristles import FEWEST as FEWEST_WAYS
 from cjt_gym.gap.horizons.torque.bristles import bent, paths, ways
 from cjt_gym.gap.horizons.torque.cross_validated import (
@@ -30,6 +31,7 @@ from cjt_gym.gap.horizons.torque.cross_validated import (
     predicted,
     steady_gain,
 )
+from cjt_gym.gap.horizons.torque.dead_time import DELAY, dead_time, in_time
 from cjt_gym.gap.horizons.torque.over_angle import over_angle
 from cjt_gym.gap.recorded.fields import body_group
 from cjt_gym.gap.recorded.tolerances import VAGUE, stated, tolerance_of
@@ -105,12 +107,14 @@ class Inverse:
 def inverse(joint: Joint, logs: Sequence[Log]) -> list[Inverse]:
     """Return a regression for each set of effects; none if the records do not allow it."""
     found = []
-    columns, torque = _moving(joint, logs)
+    late = dead_time(joint, logs)
+    columns, torque = _moving(joint, in_time(logs, late))
     for effects in SETS if len(torque) >= FEWEST else ():
         used = [0, 1, *(k for name in effects for k in PLACES[name])]
         values = np.linalg.lstsq(columns[:, used], torque, rcond=None)[0]
         value = dict(zip(used, values.tolist(), strict=True))
         own = {name: tuple(value[k] for k in PLACES[name]) for name in effects}
+        own |= {} if late is None else {late.name: late.values}
         found.append(Inverse(max(value[0], 0.0), max(value[1], 0.0), own))
     return found
 
@@ -168,6 +172,8 @@ def seen_in_torque(
     for another effect. Of motion in one direction it has no offset: that is Coulomb friction there.
     Where the record does not tell damping from Coulomb friction, either stands for both.
     """
+    late = dead_time(joint, logs)
+    logs = in_time(logs, late)
     turns = joint.parameters.axis == "rotary"
     out = {"gravity"} if not turns or all(map(_runs_out, logs)) else set()
     out |= {"torque_offset"} if ONE_WAY.issubset(excluded) else set()
@@ -184,7 +190,8 @@ def seen_in_torque(
     found = [one for one in spent(joint, logs, names, wave, path) if one.name in told]
     found = [_as_bristles(one, path) if path and one.name == "coulomb" else one for one in found]
     seen = {one.name: one for one in found if _new(joint, one)}
-    return seen if wave is None else seen | {wave.name: wave}
+    beside = [one for one in (wave, late) if one is not None and one.name not in excluded]
+    return seen | {one.name: one for one in beside}
 
 
 def _path(joint: Joint, logs: Sequence[Log], wave: Spent | None) -> float:
@@ -249,7 +256,8 @@ def is_inertia_alone_off(joint: Joint, logs: Sequence[Log]) -> bool:
     inertia, damping = (sum(joint.parameters.get(f"{x}_{b}", 0.0) for b in own) for x in "Id")
     level = joint.effects.get("coulomb", {}).get("d_cm", 0.0)
     known = stated(file, "coulomb", "d_cm")
-    found = [x for x in inverse(joint, logs) if {*x.effects} - {"coulomb"} <= {*joint.effects}]
+    others = {"coulomb", DELAY, *joint.effects}
+    found = [x for x in inverse(joint, logs) if {*x.effects} <= others]
     fullest = max((len(x.effects) for x in found), default=0)  # one without a listed weight errs
     found = [x for x in found if len(x.effects) == fullest]
     pairs = []
@@ -414,7 +422,7 @@ def _columns(
     known = float(np.ptp(log.load) > 0.0 and not log.voltage)
     square = turn * log.speed**2
     channels = angle, rise, bend / log.dt**2, turn, square, torque, motor, np.abs(motor)
-    q, v, a, fine, square, torque, motor, size = _averaged(channels, count)
+    q, v, a, fine, square, torque, motor, size = averaged(channels, count)
     usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
     whole = binary_erosion(log.whole, iterations=count // 2, border_value=0)
     use = whole & (np.abs(v) > usual)
@@ -427,14 +435,3 @@ def _columns(
 def _runs_out(log: Log) -> bool:
     """Return whether nothing drives a joint that moves in one direction, as a wheel that coasts."""
     return not log.command.any() and not log.load.any() and not np.ptp(np.sign(log.speed))
-
-
-def _averaged(channels: Sequence[Floats], count: int) -> list[Floats]:
-    """Return channels averaged over so many samples, with the weights (1 - x^2)^2.
-
-    All are averaged alike, so that fast motion is damped alike in torque and acceleration: a
-    parabola fitted to the angle damps its second derivative more than a torque, and an inertia of
-    fast motion came out a quarter too large.
-    """
-    weights = (1.0 - np.linspace(-1.0, 1.0, count + 2)[1:-1] ** 2) ** 2
-    return [convolve1d(x, weights / weights.sum(), mode="nearest") for x in channels]
