@@ -28,6 +28,7 @@ from cjt_gym.gap.recorded.bridged import bridged
 from cjt_gym.gap.recorded.driven import driven_only, is_left
 from cjt_gym.gap.recorded.given import JointLike, as_records, nominal_joint
 from cjt_gym.gap.recorded.listed import as_values
+from cjt_gym.gap.recorded.moved import moved_symbols
 from cjt_gym.gap.recorded.orient import all_oriented
 from cjt_gym.gap.recorded.series import SHORTEST, Stretch, stretches
 from cjt_gym.gap.recorded.spring_damping import unstated_damping, with_spring_damping
@@ -139,7 +140,9 @@ def diagnose(
     if doubtful and found.suggestion.text == ENOUGH:
         text = separating(doubtful, exam.advice)
         found = replace(found, suggestion=Suggestion(text or ENOUGH))
-    told = strained(file, found.joint, told_symbols(found.effects))
+    named = told_symbols(found.effects)
+    told = strained(file, found.joint, named)
+    found = replace(found, moved=moved_symbols(file, found.joint, named))
     scaled = any(name in one for one in given for name in ("tau", "tau_l"))
     ratios = "" if scaled else proportions(found.joint)
     text = " ".join((*told, found.unexplained.text, ratios)).strip()

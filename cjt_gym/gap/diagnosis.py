@@ -217,6 +217,7 @@ class Diagnosis:
         joint: The nominal joint with the effects added; `cjt_gym.joint.to_toml` writes it.
         horizons: Prediction errors of the joint at several horizons.
         examination: What the record can and cannot tell.
+        moved: Symbols of datasheet values that the joint has otherwise and no effect tells.
     """
 
     verdict: str
@@ -231,6 +232,7 @@ class Diagnosis:
     joint: JointFile
     horizons: tuple[Horizon, ...] = ()
     examination: Examination | None = None
+    moved: tuple[str, ...] = ()
 
     def without_gap(self) -> Diagnosis:
         """Return this diagnosis with the verdict that there is no gap, in no stage."""

@@ -27,7 +27,7 @@ from cjt_gym.joint.files.quantity import Setting as Entry
 
 ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
 TOLERATED = 3.0
-"""Number of tolerances up to which a refined value is said to lie within its tolerance."""
+"""Number of tolerances up to which a refined value is said to keep to the datasheet."""
 OF_SENSORS = ("noise", "quantization")
 IDENTIFIED = "_identified"
 Refined = Mapping[str, tuple[float, float]]
@@ -193,9 +193,7 @@ def _refined(
         old = quantities[symbol]
         how = "corrected from the guess of" if old.guess else "refined from"
         stated = f"{how} {old.number:.6g}" if old.source != NOT_STATED else "not stated"
-        reach = TOLERATED * (old.tolerance or 0.0) * abs(old.number)
-        inside = not old.guess and abs(value - old.number) <= reach
-        within = " within its tolerance" if inside else ""
+        within = _within(value, old)
         text = f"{stated}{within}, {source}"
         found[symbol] = replace(
             old, value=value, source=text, tolerance=deviation or None, guess=False
@@ -204,6 +202,16 @@ def _refined(
         if back is not None and back.number == old.number:
             found[f"{symbol}_n"] = replace(back, value=value, source=text, tolerance=deviation)
     return found
+
+
+def _within(value: float, old: Quantity) -> str:
+    """Return how far a refined value is from the datasheet's, if its tolerance allows it."""
+    if old.guess or not old.tolerance or not old.number:
+        return ""
+    far = abs(value / old.number - 1.0) / old.tolerance
+    if far <= 1.0:
+        return " within its tolerance"
+    return f" by {far:.1f} times its tolerance" if far <= TOLERATED else ""
 
 
 def _refine_lag(table: Table, lag: float, deviation: float, source: str) -> None:

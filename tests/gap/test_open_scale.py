@@ -29,6 +29,7 @@ def test_a_number_beside_another_that_is_known_is_as_sure_as_its_regression_on_t
     ("value", "half", "own", "there"),
     [
         (1.0, 4.0, 0.1, True),  # any size, but not none
+        (-1.0, 4.0, 0.1, True),
         (1.0, 4.0, 1.5, False),  # it may be nothing at any scale
         (1.0, 0.3, 0.2, False),  # its own scatter counts as much
     ],
@@ -43,6 +44,7 @@ def test_a_number_known_to_a_factor_has_ends_at_the_same_ratio() -> None:
     low, high = known_to_a_factor(2.0, 0.02)
     assert (low, high) == pytest.approx((1.98, 2.02), rel=1e-4)  # as at the same distance
     assert known_to_a_factor(2.0, 100.0) == pytest.approx([0.2, 20.0])
+    assert known_to_a_factor(-2.0, 100.0) == pytest.approx([-20.0, -0.2])
 
 
 @pytest.mark.slow

@@ -72,6 +72,8 @@ DOUBTED = 0.3
 """Confidence of the surest name below which names are only a guess."""
 AT_THE_END = 1e-4
 """Distance from an end of an interval, relative to its width, up to which a value is there."""
+MOST_MOVED = 4
+"""Most values of the datasheet that a verdict lists."""
 MINUS = "\N{MINUS SIGN}"
 SPACE = "\N{NO-BREAK SPACE}"
 CONCENTRATED = 0.5
@@ -204,6 +206,12 @@ def where(diagnosis: Diagnosis) -> str:
     return f"{stages}, {spot}" if spot and len(found) == 1 else stages
 
 
+def _listed(symbols: Sequence[str]) -> str:
+    """Return symbols as a list of no more than a few."""
+    few = symbols if len(symbols) <= MOST_MOVED else [*symbols[: MOST_MOVED - 1], "others"]
+    return joined(few)
+
+
 def _named(effects: Sequence[NamedEffect]) -> str:
     """Return effects as the subject of a sentence, with the tentative ones apart."""
     sure = [in_words(effect) for effect in effects if effect.status != "tentative"]
@@ -281,6 +289,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
     if max(effect.confidence for effect in diagnosis.effects) < DOUBTED:
         verb = "might explain"
+    beside = f", with other values of {_listed(diagnosis.moved)}," if diagnosis.moved else ""
     moving = any(effect.name not in MEASURES for effect in diagnosis.effects)
     share = f"{percent(gap.removed)} of it" if moving and gap.removed >= NOTABLE else ""
     left = diagnosis.unexplained
@@ -295,7 +304,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if not moving:
             names = names.removesuffix(",")
             return f"{lies}; no effect of the table explains it; sensors differ as well: {names}."
-        return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
+        return f"{lies}; {names} {verb}{beside} part of it{fall if share else ''}; {rest}."
     if not moving:
         names = names.removesuffix(",")
         if gap.removed < NOTABLE:
@@ -305,7 +314,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             f"Values refined within their tolerances take {error_of(diagnosis)} from {change}; "
             f"apart from that only sensors differ: {names}."
         )
-    text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
+    text = f"{lies}; {names} {verb}{beside} {share or 'it, although the replay hardly changes'}."
     if gap.after > max(OPEN, AGAIN * gap.floor):
         text += (
             f" The replay is still {percent(gap.after)} off while no stage is: in open loop small "

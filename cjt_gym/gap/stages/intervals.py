@@ -125,16 +125,16 @@ def is_there(value: float, half: float, own: float) -> bool:
         half: Half the width of its interval.
         own: The same if that scale were known.
     """
-    return value > own and half > MOSTLY * own
+    return abs(value) > own and half > MOSTLY * own
 
 
 def known_to_a_factor(value: float, half: float) -> list[float]:
-    """Return the ends of an interval about a positive value, of that half width, as ratios.
+    """Return the ends of an interval about a value, of that half width, as ratios.
 
     That of a guess is known to a factor of ten.
     """
-    ratio = min(float(np.exp(half / value)), TENFOLD)
-    return [value / ratio, value * ratio]
+    ratio = min(float(np.exp(half / abs(value))), TENFOLD)
+    return sorted((value / ratio, value * ratio))
 
 
 def along(unit: str) -> str:

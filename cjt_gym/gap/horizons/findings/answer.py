@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,14 @@ from cjt_gym.gap.diagnosis import (
     NamedEffect,
     Suggestion,
     Unexplained,
+    told_symbols,
 )
 from cjt_gym.gap.horizons.findings.as_diagnosis import retold
 from cjt_gym.gap.horizons.findings.by_torque import DRY
 from cjt_gym.gap.horizons.findings.corrected_values import BESIDE, LATE, NAMELESS, gave_way, refined
 from cjt_gym.gap.horizons.findings.disturbance import disturbed
 from cjt_gym.gap.horizons.findings.late_drive import with_dead_time, with_late_drive
+from cjt_gym.gap.horizons.findings.misfit import Wider, widened
 from cjt_gym.gap.horizons.findings.naming import as_plain
 from cjt_gym.gap.horizons.findings.not_confirmed import allowed_by
 from cjt_gym.gap.horizons.findings.stages_kept import (
@@ -35,8 +38,10 @@ from cjt_gym.gap.horizons.prediction.model import MEASURES
 from cjt_gym.gap.horizons.prediction.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.selection.judge import Progress, judge
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
+from cjt_gym.gap.recorded.moved import strain
 from cjt_gym.joint import JointFile, Structure
-from cjt_gym.joint.files.quantity import freeze
+from cjt_gym.joint.files.quantity import Quantity, freeze
+from cjt_gym.joint.files.quantity import Setting as Entry
 from cjt_gym.records import Record
 
 SILENT = 2.0
@@ -58,6 +63,8 @@ AT_FLOOR = 1.1
 there is no gap."""
 FAINT = 2e-3
 """Relative error up to which there is none either."""
+SCALES = {"torque_gain": ("stiffness",), "stiffness": ("torque_gain",)}
+"""What may take the place of a scale where others leave their tolerances beside it."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -99,6 +106,7 @@ def judged(
         return allowed_by(replace(first, unexplained=left), excluded)
     measured = any("i" in one for one in records)
     told = _told(first, found, excluded, title_of(*records), measured=measured)
+    told = _as_sure_as_datasheet(told, file)
     return _with_disturbance(_with_counts(told, file), found, records, held)
 
 
@@ -127,6 +135,36 @@ def _told(
         dry = tuple(e for e in first.effects if e.name in DRY)
         return _suspected(told, first, dry, FURTHER)
     return told
+
+
+def _as_sure_as_datasheet(told: Diagnosis, file: JointFile) -> Diagnosis:
+    """Return a diagnosis whose intervals are wider where values leave their tolerances together.
+
+    Something that the datasheet states is wrong by more than it says then, and what is not told
+    apart shares the error: the scale of all torques, a spring or an inertia.
+    """
+    factor = strain(file, told.joint, told_symbols(told.effects))
+    if factor == 1.0:
+        return told
+    spared = [e.name for e in told.effects if e.name in MEASURES or e.stage == "drive"]
+    told = widened(told, Wider(factor), spared)
+    joint, known = told.joint, file.parameters.quantities
+    p = joint.parameters
+    rows = {n: _looser(r, file.effects.get(n, {}), factor) for n, r in joint.effects.items()}
+    looser = _looser({s: q for s, q in p.quantities.items() if s in known}, known, factor)
+    joint = replace(joint, parameters=p.replace(**looser), effects=rows)
+    effects = tuple(e.or_else(SCALES.get(e.name, ())) for e in told.effects)
+    return replace(told, joint=joint, effects=effects)
+
+
+def _looser(row: Mapping[str, Entry], known: Mapping[str, Entry], factor: float) -> dict[str, Any]:
+    """Return a row with the tolerances of its refined values larger by a factor."""
+    return {
+        s: replace(q, tolerance=factor * q.tolerance)
+        if isinstance(q, Quantity) and q.tolerance and q != known.get(s)
+        else q
+        for s, q in row.items()
+    }
 
 
 def _ahead(found: Judgement) -> str:
