@@ -60,6 +60,12 @@ def test_an_amplitude_beyond_the_peak_torque_is_remarked_on(
         assert told == (amplitude == "900")
 
 
+def test_the_package_runs_as_the_command() -> None:
+    words = [sys.executable, "-m", "cjt_gym", "--version"]
+    run = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert run.stdout.startswith("cjt-gym ")
+
+
 def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     listed = capsys.readouterr().out

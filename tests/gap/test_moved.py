@@ -13,7 +13,7 @@ from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.moved import moved_symbols, strain
 from cjt_gym.gap.report.words import verdict_sentence
 from cjt_gym.joint import JointFile, Quantity, get_structure
-from tests.gap.horizons.rotor import INERTIA, datasheet, record, right_datasheet
+from tests.gap.horizons.rotor import DRY, INERTIA, datasheet, record, right_datasheet
 
 
 @pytest.fixture
@@ -75,3 +75,11 @@ def test_a_joint_whose_inertia_was_found_is_diagnosed_again(sheet: JointFile) ->
     again = diagnose(record(seed=1), found)
     assert again.verdict == "no_gap"
     assert not again.effects
+
+
+def test_a_guess_beside_a_listed_value_is_no_value_to_correct(sheet: JointFile) -> None:
+    guess = Quantity(0.5 * DRY, "N m", "guess", guess=True)
+    found = replace(sheet, parameters=sheet.parameters.replace(d_cm=guess))
+    again = diagnose(record(seed=1), found)
+    assert "guess of d_cm" not in again.unexplained.text
+    assert "d_cm" not in again.moved

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterator
 from typing import TypeGuard
 
-from cjt_gym.gap.recorded.tolerances import SMOOTHING, assumed_tolerance
+from cjt_gym.gap.recorded.tolerances import SMOOTHING, assumed_tolerance, listed_values
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.files.quantity import Quantity
 from cjt_gym.joint.structures import get_structure
@@ -73,7 +73,8 @@ def _totals(
     file: JointFile, found: JointFile
 ) -> Iterator[tuple[tuple[str, ...], list[Quantity], list[float]]]:
     """Yield symbols with what the datasheet says of them and what the joint has."""
-    known = {s: q for s, q in file.parameters.quantities.items() if s != SMOOTHING}
+    listed = {SMOOTHING, *listed_values(file)}
+    known = {s: q for s, q in file.parameters.quantities.items() if s not in listed}
     groups: dict[object, list[str]] = {}
     bodies = get_structure(found.structure).groups if found.structure else (0, 1, 2)
     for symbol in known:

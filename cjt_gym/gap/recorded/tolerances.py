@@ -139,6 +139,12 @@ def strained(file: JointFile, found: JointFile, named: Collection[str]) -> list[
     return [f"{how}: {', '.join(said)}." for how, said in sorted(moved.items())]
 
 
+def listed_values(file: JointFile) -> frozenset[str]:
+    """Return the symbols that listed effects give a value, whatever a datasheet guesses of them."""
+    rows = [row.items() for row in file.effects.values()]
+    return frozenset(s for row in rows for s, x in row if isinstance(x, Quantity) and not x.guess)
+
+
 def is_left_open(file: JointFile, effect: str, values: Mapping[str, float]) -> bool:
     """Return whether an effect is no more than values that a datasheet leaves open.
 

@@ -17,7 +17,7 @@ from cjt_gym.gap.horizons.prediction.model import Term, motor_inertia
 from cjt_gym.gap.horizons.selection.judgement import LOUD, Judgement
 from cjt_gym.gap.horizons.torque.inverse import inverse
 from cjt_gym.gap.recorded.fields import body_group
-from cjt_gym.gap.recorded.tolerances import OUTSIDE, VAGUE, stated
+from cjt_gym.gap.recorded.tolerances import OUTSIDE, VAGUE, listed_values, stated
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.files.effect_entries import unit_on
 
@@ -35,7 +35,8 @@ LATE = frozenset({"command_delay", "current_lag"})
 def corrected(judged: Judgement) -> str:
     """Return sentences on the guesses of the datasheet that the answer corrects."""
     said, file = [], judged.case.joint.file
-    known = {s: (q, _given(judged, s)) for s, q in file.parameters.quantities.items() if q.guess}
+    guesses = {s: q for s, q in file.parameters.quantities.items() if q.guess}
+    known = {s: (q, _given(judged, s)) for s, q in guesses.items() if s not in listed_values(file)}
     weight = stated(file, "gravity", "torque")
     if weight is not None and weight.guess and "gravity" in judged.joint.effects:
         size = float(judged.joint.effects["gravity"]["torque"])  # type: ignore[arg-type]
