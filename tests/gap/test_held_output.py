@@ -217,3 +217,12 @@ def wound(seed: int, mu: float) -> Record:
     columns = {"t": t, "i": drive + 0.02 * rng.standard_normal(len(t)), "q_m": angle}
     columns["q_m"] = np.round(columns["q_m"] / 2e-5) * 2e-5
     return Record(columns, {"t": "s", "i": "A", "q_m": "rad"}, structure=HELD)
+
+
+def test_offsets_of_sensor_and_motor_of_a_held_joint_look_alike() -> None:
+    file, log = sheet(), to_log(slow_record(), sheet(), get_structure(HELD))
+    joint = Joint(file, HELD, "current", {})
+    assert held_alike("torque_offset", joint, log) == ("torque_bias",)
+    assert held_alike("torque_bias", joint, log) == ("torque_offset",)
+    unfelt = replace(log, measured={"q_m": log.measured["tau"]})
+    assert held_alike("torque_offset", joint, unfelt) == ()

@@ -20,6 +20,11 @@ UNFELT: Mapping[str, tuple[str, ...]] = {
 }
 """Effects of a held joint that only its measured torque tells apart: friction before or within the
 spring, and friction that differs with the direction beside an offset that nothing else shows."""
+FELT: Mapping[str, tuple[str, ...]] = {
+    "torque_offset": ("torque_bias",),
+    "torque_bias": ("torque_offset",),
+}
+"""Effects that its measured torque does not tell apart: an encoder's zero makes up for either."""
 
 
 def held_alike(name: str, joint: Joint, log: Log) -> tuple[str, ...]:
@@ -36,7 +41,7 @@ def held_alike(name: str, joint: Joint, log: Log) -> tuple[str, ...]:
     """
     if not joint.structure_row.output_fixed:
         return ()
-    same = () if "tau" in log.measured else UNFELT.get(name, ())
+    same = (FELT if "tau" in log.measured else UNFELT).get(name, ())
     return same if log.drive == "i" or _swings(joint) else (*same, *ALIKE.get(name, ()))
 
 
