@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import pi
 
@@ -58,8 +59,11 @@ ABOVE_THE_NOISE = "what is left is above the noise that the joint file states"
 
 def standing(first: Diagnosis, found: Judgement) -> Diagnosis:
     """Return the stages' diagnosis as far as the predictions of its joint, the answer, bear out."""
-    known = freeze({**first.joint.found, **found_at(found)})
-    first = replace(first, joint=replace(first.joint, found=known))
+    known: dict[str, object] = {**first.joint.found, **found_at(found)}
+    commanded = found.case.logs[0].wanted is not None and LATE & first.joint.effects.keys()
+    if commanded and isinstance(table := known.get("input"), Mapping):
+        known["input"] = {**table, "share": 0.0}  # its drive takes commands, which are held
+    first = replace(first, joint=replace(first.joint, found=freeze(known)))
     told = _held(_doubted(_cleared(first, found), found), found)
     file = found.case.joint.file
     common = common_deviation(file, cut=found.cut_by_torque, but=told_symbols(told.effects))
