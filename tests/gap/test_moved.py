@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.horizons.findings.answer import _as_sure_as_datasheet
 from cjt_gym.gap.recorded.listed import as_values
 from cjt_gym.gap.recorded.moved import moved_symbols, strain
@@ -53,9 +54,19 @@ def test_several_values_that_leave_their_tolerances_make_intervals_wider(sheet: 
     found = moved(sheet, k_t=1.06, I_m=1.15)
     assert strain(sheet, found, ()) == pytest.approx(2.9, abs=0.1)
     told = replace(diagnose(record(), sheet), joint=found, effects=())
-    wider = _as_sure_as_datasheet(told, sheet).joint.parameters.quantities
+    wider = _as_sure_as_datasheet(told, sheet, felt=False).joint.parameters.quantities
     assert wider["k_t"].tolerance == pytest.approx(0.029, abs=0.001)
     assert wider["d_m"] == sheet.parameters.quantities["d_m"]
+
+
+def test_a_spring_may_then_be_a_wrong_scale_of_its_sensor(sheet: JointFile) -> None:
+    sure = NamedEffect("stiffness", "transmission", None, None, {}, "confirmed", 0.98, 0.9)
+    told = replace(diagnose(record(), sheet), effects=(sure,))
+    strained = replace(told, joint=moved(sheet, k_t=1.06, I_m=1.15))
+    (doubted,) = _as_sure_as_datasheet(strained, sheet, felt=True).effects
+    assert (doubted.status, doubted.confusable_with) == ("tentative", ("torque_gain",))
+    for one, felt in ((strained, False), (told, True)):
+        assert _as_sure_as_datasheet(one, sheet, felt=felt).effects == (sure,)
 
 
 def test_a_verdict_does_not_credit_a_name_with_what_other_values_do() -> None:

@@ -66,8 +66,8 @@ def in_place_of(name: str) -> tuple[str, ...]:
 def as_values(file: JointFile, shape: Structure) -> JointFile:
     """Return a joint file whose rows of effects that replace datasheet values are these values.
 
-    Friction that is listed without a level has that of the datasheet, which may be a guess. Where
-    and together with what an earlier diagnosis found the numbers is no part of it.
+    Friction that is listed without a level has that of the datasheet, which may be a guess. The
+    ranges and the covariance of an earlier diagnosis are those of its record, and left out.
     """
     file = replace(_with_guesses(file), found={})
     p, kept, moved = file.parameters, dict(file.effects), {}

@@ -15,8 +15,7 @@ NOTABLE = 0.05
 """Relative change from which a value is told beside the effects that are named."""
 STRAINED, FEWEST = 1.5, 2
 """Root mean square of the changes in units of the tolerances, and fewest values, from which these
-contradict the record: two and more values leave their tolerances by as much in a tenth of joints by
-chance, and where another value is wrong in most."""
+contradict the record. Two normal deviations exceed it in a tenth of all joints, more in fewer."""
 
 
 def moved_symbols(file: JointFile, found: JointFile, named: Collection[str]) -> tuple[str, ...]:
@@ -31,7 +30,7 @@ def moved_symbols(file: JointFile, found: JointFile, named: Collection[str]) -> 
     """
     told = []
     for symbols, old, new in _totals(file, found):
-        tolerance = max((q.tolerance or 0.0) for q in old if not q.guess) if _sure(old) else 0.0
+        tolerance = max((q.tolerance or 0.0 for q in old if not q.guess), default=0.0)
         before, after = sum(q.number for q in old), sum(new)
         off = abs(after - before) > max(NOTABLE, tolerance) * abs(before)
         if off and not set(symbols) & set(named):
@@ -63,10 +62,6 @@ def strain(file: JointFile, found: JointFile, named: Collection[str]) -> float:
 def _is_one(entry: object) -> TypeGuard[Quantity]:
     """Return whether an entry is one number, not a series or a word."""
     return isinstance(entry, Quantity) and not isinstance(entry.value, tuple)
-
-
-def _sure(quantities: Collection[Quantity]) -> bool:
-    return any(not q.guess for q in quantities)
 
 
 def _totals(

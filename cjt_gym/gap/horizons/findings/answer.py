@@ -63,8 +63,8 @@ AT_FLOOR = 1.1
 there is no gap."""
 FAINT = 2e-3
 """Relative error up to which there is none either."""
-SCALES = {"torque_gain": ("stiffness",), "stiffness": ("torque_gain",)}
-"""What may take the place of a scale where others leave their tolerances beside it."""
+SCALES = {"torque_gain": "stiffness", "stiffness": "torque_gain"}
+"""What may take the place of a scale where other values leave their tolerances beside it."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -106,7 +106,7 @@ def judged(
         return allowed_by(replace(first, unexplained=left), excluded)
     measured = any("i" in one for one in records)
     told = _told(first, found, excluded, title_of(*records), measured=measured)
-    told = _as_sure_as_datasheet(told, file)
+    told = _as_sure_as_datasheet(told, file, felt=any("tau" in one for one in records))
     return _with_disturbance(_with_counts(told, file), found, records, held)
 
 
@@ -137,11 +137,12 @@ def _told(
     return told
 
 
-def _as_sure_as_datasheet(told: Diagnosis, file: JointFile) -> Diagnosis:
+def _as_sure_as_datasheet(told: Diagnosis, file: JointFile, *, felt: bool) -> Diagnosis:
     """Return a diagnosis whose intervals are wider where values leave their tolerances together.
 
     Something that the datasheet states is wrong by more than it says then, and what is not told
-    apart shares the error: the scale of all torques, a spring or an inertia.
+    apart shares the error: the scale of all torques, a spring or an inertia. A spring that is off
+    then looks like a wrong scale of its torque sensor, where the torque was measured (`felt`).
     """
     factor = strain(file, told.joint, told_symbols(told.effects))
     if factor == 1.0:
@@ -153,8 +154,16 @@ def _as_sure_as_datasheet(told: Diagnosis, file: JointFile) -> Diagnosis:
     rows = {n: _looser(r, file.effects.get(n, {}), factor) for n, r in joint.effects.items()}
     looser = _looser({s: q for s, q in p.quantities.items() if s in known}, known, factor)
     joint = replace(joint, parameters=p.replace(**looser), effects=rows)
-    effects = tuple(e.or_else(SCALES.get(e.name, ())) for e in told.effects)
-    return replace(told, joint=joint, effects=effects)
+    told = replace(told, joint=joint)
+    if not felt:
+        return told
+    effects = (
+        e.doubted(f"{SCALES[e.name]} may take its place").or_else([SCALES[e.name]])
+        if e.name in SCALES
+        else e
+        for e in told.effects
+    )
+    return replace(told, effects=tuple(effects))
 
 
 def _looser(row: Mapping[str, Entry], known: Mapping[str, Entry], factor: float) -> dict[str, Any]:

@@ -51,8 +51,11 @@ def with_dead_time(told: Diagnosis, found: Judgement, excluded: Collection[str])
         for e in named
         for s, x in e.parameters.items()
     }
-    joint = _with_row(told.joint, rows, found) if rows else told.joint
-    return replace(told, effects=(*told.effects, *named), joint=joint)
+    if not named:
+        return told
+    verdict = {"unexplained": "partly_explained"}.get(told.verdict, told.verdict)
+    joint = _with_row(told.joint, rows, found)
+    return replace(told, verdict=verdict, effects=(*told.effects, *named), joint=joint)
 
 
 def _with_row(file: JointFile, rows: dict[str, Quantity], found: Judgement) -> JointFile:

@@ -54,8 +54,8 @@ SHORT = 1e-3
 """Paths over which friction may turn round, as shares of the travel, and those that only a
 regression without a delay may have: such friction is that of the sign a little later."""
 REMOVED = 0.2
-"""Least share of the squared error that a delay must remove. On two joints where it was 0.16, the
-delay was off by three rows and more."""
+"""Least share of the squared error that a delay must remove. On a joint where it was 0.16, the
+delay was off by four rows."""
 LIGHTER = 0.1
 """Least inertia at a delay, relative to the one without, which is larger where friction is ahead of
 the motion: where a delay stood for friction over a path, it was a seventieth."""
@@ -81,7 +81,7 @@ def dead_time(joint: Joint, logs: Sequence[Log]) -> Spent | None:
 
 @lru_cache(maxsize=KEPT)
 def _dead_time(logs: tuple[Log, ...], unit: float, back_emf: float) -> Spent | None:
-    """Return the dead time of logs whose command gives a torque [N m/A or N m/V]."""
+    """Return the dead time of logs whose command is worth a torque [N m/A or N m/V]."""
     step = max(log.dt for log in logs)
     last = max(round(LONGEST / step), EARLIEST)
     times = np.asarray(step * np.arange(-EARLIEST, last + 1))
